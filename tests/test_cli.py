@@ -48,7 +48,7 @@ def test_fit_prints_and_writes(run, tmp_path):
 def test_an_excel_file_that_is_none_is_refused_before_the_fit(run, tmp_path):
     code, out, err = run("fit", CURVE, "--scene", SCENE, "--excel", tmp_path / "fit.xls")
     assert (code, out) == (2, "")
-    assert "--excel must end in .xlsx; got 'fit.xls'" in err
+    assert "an Excel file ends in .xlsx; got 'fit.xls'" in err
 
 
 def test_fit_says_a_second_optimum_beside_the_headline_and_once(run, tmp_path):

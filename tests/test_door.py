@@ -28,9 +28,9 @@ from underlay._door import (
     understood,
 )
 from underlay.data.curve import check_fittable
+from underlay.inference.batch.decisions import read_map
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.sampling.chain_file import ChainFile
-from underlay.report.maps import read_map
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import parse_quantity
 

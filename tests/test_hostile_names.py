@@ -25,8 +25,7 @@ from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay.report import labels
-from underlay.report.notebook import filled, import_path, make_notebook
-from underlay.report.notices import markdown_text
+from underlay.report.notebook import filled, import_path, make_notebook, markdown_text
 from underlay.units import printed
 
 anything = st.lists(

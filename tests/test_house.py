@@ -36,7 +36,7 @@ HOMES = {
     "emcee": ("inference/sampling/run", "inference/sampling/diagnostics"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),
-    "matplotlib": ("report/plots", "report/kernel"),
+    "matplotlib": ("report/plots", "report/notebook"),
     "pint": ("units",),
     "threadpoolctl": ("_threads",),
     "tomlkit": ("scene/scene_writer",),
@@ -237,7 +237,7 @@ DOORS = {
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "mechanics/biphasic/punch_table": {"np.load"},  # of the package itself
     "mechanics/biphasic/tip_table": {"np.load"},  # of the package itself
-    "report/review": {"read_text"},  # of the package itself
+    "cli/start": {"read_text"},  # of the package itself
     "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }

@@ -13,9 +13,8 @@ from support.inverse import ambiguous
 from support.real_data import real_file
 from support.reports import SAMPLES, joint_fit, page_text
 from underlay.data.curve import recorded
-from underlay.report import labels, maps, screen, tables
-from underlay.report import limits as open_ends
-from underlay.report.limits import distinct_scenes
+from underlay.inference.batch.decisions import is_map, read_map
+from underlay.report import labels, limits, screen, tables
 
 # --- words -----------------------------------------------------------------------------------------------
 
@@ -63,7 +62,7 @@ def rejected():
 def test_a_second_optimum_is_said_and_stands_in_the_table():
     fit = ul.fit(ambiguous())
     (other,) = fit.alternatives
-    (sentence,) = open_ends.rivals(fit)
+    (sentence,) = limits.rivals(fit)
     assert sentence.startswith("A second optimum explains these data as well: layer modulus")
     table = tables.interval_table(fit)
     number = table.loc["layer modulus", "second optimum"].removesuffix(" MPa")
@@ -72,12 +71,12 @@ def test_a_second_optimum_is_said_and_stands_in_the_table():
 
 def test_curves_of_one_scene_are_shown_once_at_the_deepest():
     fit = joint_fit()
-    first, second = distinct_scenes(fit.scenes, fit.curves)
+    first, second = limits.distinct_scenes(fit.scenes, fit.curves)
     assert (first.label, second.label) == ("curves 1 and 3", "curve 2")
     assert first.scene == fit.scenes[2]
     assert first.reading == fit.curves[2].depth.max()
     assert first.deepest == pytest.approx(1.2e-4 - fit.values["instrument.contact_depth[2]"])
-    (alone,) = distinct_scenes(fit.scenes[::2], fit.curves[::2])
+    (alone,) = limits.distinct_scenes(fit.scenes[::2], fit.curves[::2])
     assert alone.label == ""
     assert alone.curves == (1, 2)
 
@@ -243,19 +242,19 @@ def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):
 
 
 def test_a_curve_is_no_map(tmp_path):
-    assert not maps.is_map(SAMPLES / "cartilage_on_bone.csv")
+    assert not is_map(SAMPLES / "cartilage_on_bone.csv")
     wrong = tmp_path / "x.csv"
     wrong.write_text("name,path,x,y,status,verdict\n")
-    assert not maps.is_map(wrong)
+    assert not is_map(wrong)
     with pytest.raises(ul.FileFormatError, match="no column 'reason'"):
-        maps.read_map(wrong)
+        read_map(wrong)
     wrong.write_text(
         "name,path,status,verdict,reason,cause,layer.E,layer.E.stat.low\na,b,fitted,good,,,1.0,0.9\n"
     )
     with pytest.raises(ul.FileFormatError, match=r"no column 'layer\.E\.stat\.high'"):
-        maps.read_map(wrong)
+        read_map(wrong)
     with pytest.raises(ul.FileAccessError):
-        maps.is_map(tmp_path / "none.csv")
+        is_map(tmp_path / "none.csv")
 
 
 # --- where it comes from ---------------------------------------------------------------------------------

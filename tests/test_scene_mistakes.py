@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.cli.new_scene import new_scene
+from underlay.cli.start import starter_scene
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.kernel.kernel import u_rule
@@ -253,7 +253,7 @@ def test_a_starter_holds_what_the_file_knows_and_is_refused_until_filled_in(run,
 def test_a_hostile_name_stays_a_name_in_a_starter():
     curve = ul.Curve(np.linspace(0, 1e-6, 9), np.linspace(0, 1e-6, 9))
     name = 'a"]\n[substrate]\nE = "1 Pa'
-    assert tomllib.loads(new_scene(curve, name))["curve"]["file"] == name
+    assert tomllib.loads(starter_scene(curve, name))["curve"]["file"] == name
 
 
 # --- what cannot be computed -------------------------------------------------------------------------------

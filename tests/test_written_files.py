@@ -20,8 +20,8 @@ from underlay._csv import csv_text, unguarded
 from underlay._files import replacing, write_atomic
 from underlay._text import comment_line, guarded_cell, one_line, unguarded_cell
 from underlay.data.export import curve_csv, write_curves
+from underlay.inference.batch.decisions import read_map
 from underlay.inference.batch.results_table import Layout, to_frame, write_table
-from underlay.report import maps
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and links of POSIX systems")
 
@@ -249,7 +249,7 @@ def test_a_map_of_hostile_names(tmp_path):
         assert not any(begins_a_formula(cell) for cell in row), row
     # In memory and as read back the names are what they are, without the guard.
     assert "=cmd|'/C calc'!A0" in table["name"].tolist()
-    again = maps.read_map(tmp_path / "map.csv")
+    again = read_map(tmp_path / "map.csv")
     assert again["name"].tolist() == table["name"].tolist()
     assert again["layer.E"].tolist()[0] == table["layer.E"].tolist()[0]
     # Continued, the run finds every row.

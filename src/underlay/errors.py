@@ -23,6 +23,10 @@ MissingExtraError   ImportError    an optional dependency is needed; says which 
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 __all__ = [
     "CurveError",
     "FileAccessError",
@@ -38,6 +42,7 @@ __all__ = [
     "UnderlayError",
     "UnderlayWarning",
     "UnitError",
+    "gathered_warnings",
     "installing",
     "missing_extra",
 ]
@@ -132,3 +137,20 @@ def missing_extra(need: str, extra: str, otherwise: str = "") -> MissingExtraErr
 
 class UnderlayWarning(UserWarning):
     """A warning about a valid result with a reservation that the caller should know."""
+
+
+@contextmanager
+def gathered_warnings() -> Iterator[list[str]]:
+    """Collect this package's warnings inside a ``with`` block into the list it gives; others are raised after it.
+
+    The list is filled when the block ends.
+    """
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UnderlayWarning)
+        yield texts
+    for entry in caught:
+        if issubclass(entry.category, UnderlayWarning):
+            texts.append(str(entry.message))
+        else:
+            warnings.warn_explicit(entry.message, entry.category, entry.filename, entry.lineno)

@@ -16,6 +16,7 @@ from support import afm_files, hand_overs, instrument_files, microscope_files
 from support.posterior_cases import halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.cli.report import _read_record
 from underlay.data.export import write_curves
+from underlay.inference.batch.decisions import is_map, read_map
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.sampling.chain_file import ChainFile
@@ -164,13 +165,13 @@ def _maps(folder):
         options=ul.MapOptions(progress=False),
     )
     yield Seed("map", "csv", ".csv", (folder / "map.csv").read_bytes(), _read_map)
-    maps.read_map(folder / "map.csv").to_parquet(folder / "map.parquet")
+    read_map(folder / "map.csv").to_parquet(folder / "map.parquet")
     yield Seed("map", "parquet", ".parquet", (folder / "map.parquet").read_bytes(), _read_map)
 
 
 def _read_map(path):
-    maps.is_map(path)
-    table = maps.read_map(path)
+    is_map(path)
+    table = read_map(path)
     for show in (maps.parameter_table, maps.failure_table, maps.columns_to_draw):
         show(table)
     maps.map_provenance_table(table, {})

@@ -17,17 +17,16 @@ from underlay.app.shown import Film, Found, Progress, Row, Sampled, each_once
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.curve import Curve
-from underlay.errors import InputError
+from underlay.errors import InputError, gathered_warnings
 from underlay.inference.films import fit_film
 from underlay.inference.from_files import problem_from, weak_bounds
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer
 from underlay.report import plots
+from underlay.report.details import write_fit
 from underlay.report.film_tables import film_notes, film_table, write_film
-from underlay.report.fit_files import write_fit
 from underlay.report.labels import label
-from underlay.report.notices import gathered_warnings
 from underlay.report.page import today
 from underlay.report.page_fit import FitPage
 from underlay.report.page_posterior import PosteriorPage

@@ -19,8 +19,8 @@ from underlay.app.state import Snapshot
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.result import PointwiseModulus
+from underlay.report.details import pointwise_of
 from underlay.report.excel import excel_bytes
-from underlay.report.fit_files import pointwise_of
 from underlay.report.render import report
 
 __all__ = ["analysis_archive", "crate", "fitted_test", "map_workbook", "report_page", "script", "workbook_of"]

@@ -45,7 +45,7 @@ from underlay.data.curve import Curve, recorded
 from underlay.data.readers import read_all
 from underlay.data.segments import LOADING
 from underlay.data.signs import flipped
-from underlay.errors import InputError, UnderlayError
+from underlay.errors import InputError, UnderlayError, gathered_warnings
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, problem_from, read_for, read_whole
@@ -54,11 +54,9 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.limits import quality_doubts
-from underlay.report.notices import gathered_warnings
 from underlay.report.plots.fit import LAW_STROKES, canvas, force_ends
 from underlay.report.plots.style import drawn
-from underlay.report.reading import format_name, reading_table
-from underlay.report.tables import span
+from underlay.report.tables import format_name, reading_table, span
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, parse_quantity, printed

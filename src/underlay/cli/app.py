@@ -9,17 +9,14 @@ from typing import Annotated
 import typer
 
 from underlay._version import VERSION
-from underlay.cli.benchmark import benchmark
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.design import accuracy, effects, identify, plan, simulate
-from underlay.cli.fit import compare, demo, film, fit, sample
+from underlay.cli.fit import benchmark, compare, demo, film, fit, sample
 from underlay.cli.maps import map_curves, population
 from underlay.cli.options import without_empty_folders
 from underlay.cli.report import cite, report
 from underlay.cli.start import browser_page, formats, keys
 from underlay.errors import UnderlayError
-
-__all__ = ["app", "main"]
 
 #: Exit codes: 0 done, 2 bad input (one clear line), 130 interrupted.
 _BAD_INPUT, _INTERRUPTED = 2, 130

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-__all__ = ["noted", "say", "say_error", "say_table", "say_warnings", "write_all", "write_out"]
+    from underlay.report.details import Part
 
 _FILE_WIDTH = 160
 # Letters of a cell from which on a column of words is broken into lines, as the last one is.
@@ -43,14 +43,15 @@ def say_error(text: str, steps: Sequence[str] = ()) -> None:
         Console(stderr=True, highlight=False).print(each, markup=False, soft_wrap=True)
 
 
-def say_table(frame: pd.DataFrame, title: str) -> None:
+def say_table(frame: pd.DataFrame, title: str = "") -> None:
     """Print a table: numbers right-aligned, text left-aligned; an index of names becomes the first column."""
     import pandas as pd
 
     if not pd.api.types.is_integer_dtype(frame.index):
-        frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
+        named = [str(name) for name in (frame.index.name, frame.columns.name) if name is not None]
+        frame = frame.rename_axis("".join(named[:1])).reset_index()
     table = Table(
-        title=escape(one_line(title)), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
+        title=escape(one_line(title)) or None, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
     )
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
@@ -68,6 +69,21 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
     console.print(table)
 
 
+def say_parts(parts: Iterable[Part]) -> None:
+    """Print what stands behind a result: headings, sentences and tables; pictures are left out."""
+    import pandas as pd
+
+    for title, note, content in parts:
+        told = [one for one in content if isinstance(one, str | pd.DataFrame)]
+        if told:
+            say(f"{title}{f' ({note})' if note else ''}")
+        for one in told:
+            if isinstance(one, str):
+                say(one)
+            else:
+                say_table(one)
+
+
 def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -78,20 +94,10 @@ def _cell(value: object) -> str:
 
 def write_out(folder: Path | None, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> None:
     """Write tables and pictures into a folder by `write_all`, and print their paths; nothing without a folder."""
+    from underlay.report.details import write_all
+
     for written in [] if folder is None else write_all(folder, files):
         say(f"wrote {written}")
-
-
-def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[[], Axes]]) -> list[Path]:
-    """Write files into a folder by name: tables as CSV, functions as the pictures they draw; return the paths."""
-    from underlay._csv import csv_text
-    from underlay._files import write_atomic
-    from underlay.report.plots import save
-
-    return [
-        save(what(), folder / name) if callable(what) else write_atomic(folder / name, csv_text(what))
-        for name, what in files.items()
-    ]
 
 
 @contextmanager

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,27 +17,15 @@ import typer
 
 import underlay as ul
 from underlay._files import write_atomic
+from underlay.cli import options
 from underlay.cli.console import say, say_table, say_warnings, write_out
-from underlay.cli.options import (
-    CurveOption,
-    MaxDepth,
-    OutputFolder,
-    Rtol,
-    ScenePath,
-    Seed,
-    SolverName,
-    named_quantities,
-    wanted_solver,
-)
 from underlay.errors import InputError
+from underlay.units import format_quantity, parse_quantity
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
-    from underlay.inference.design.identifiability import Identifiability
     from underlay.scene.noise import NoiseModel
-    from underlay.scene.scene_file import SceneFile, SimulatedDepths
-
-__all__ = ["accuracy", "effects", "identify", "plan", "simulate"]
+    from underlay.scene.scene_file import SimulatedDepths
 
 # A grid without being asked: a factor of five around the tip at hand, a tenth of the depth up to all of it.
 _TIP_FACTOR, _SHALLOWEST, _COUNT = 5.0, 0.1, 8
@@ -53,16 +40,116 @@ _NOISE_SHARE = 0.01
 _APPROACH, _POINTS = 0.25, 200
 
 
+class _Test:
+    """A test that is to be made, as its scene file and the options describe it.
+
+    Parameters
+    ----------
+    scene : Path
+        The scene file.
+    curve, max_depth, solver, rtol
+        What the options of these names were given; each goes before what the scene file says.
+    """
+
+    def __init__(
+        self,
+        scene: Path,
+        curve: Path | None = None,
+        max_depth: str | None = None,
+        solver: str | None = None,
+        rtol: float | None = None,
+    ) -> None:
+        from underlay.scene.scene_file import read_scene_file
+
+        file = read_scene_file(scene)
+        self.file = replace(file, solver=options.wanted_solver(file.solver, solver, rtol))
+        self.scene, self.solver = file.scene, self.file.solver
+        self._curve, self._depth = curve or file.curve_path, max_depth
+
+    @cached_property
+    def curve(self) -> ul.Curve | None:
+        """The curve given by --curve, else the one that the scene file names; None if there is neither."""
+        from underlay.inference.from_files import read_for
+
+        return None if self._curve is None else read_for(self.file, self._curve)
+
+    @cached_property
+    def deepest(self) -> float:
+        """Largest indentation (m), from the contact point.
+
+        It is that of the option ``--max-depth``, else of the curve, else of [simulate], else a default, which is
+        printed.
+        """
+        from underlay.scene.program import default_depth
+
+        contact = self.scene.instrument.contact_depth
+        if self._depth is not None:
+            depth = parse_quantity(self._depth, "length")
+        elif self.curve is not None:
+            stated = "instrument.contact_depth" in self.file.stated
+            first = contact if stated else ul.find_contact(self.curve, scene=self.scene).depth
+            depth = float(self.curve.depth.max()) - first
+        elif self.file.simulate is not None:
+            depth = self.file.simulate.max_depth - contact
+        else:
+            depth = default_depth(self.scene)
+            told = f"pressed to {format_quantity(depth, 'length')} by default"
+            say_warnings(
+                [f"{told}; --max-depth, --curve, [simulate] max_depth or [curve] file says otherwise"]
+            )
+        if not depth > 0.0:
+            raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
+        self.doubt(depth)
+        return depth
+
+    def doubt(self, depth: float) -> None:
+        """Warn where an indentation (m) exceeds the layer's thickness."""
+        from underlay.mechanics.contact_law import DeeperThanLayer
+
+        doubt = DeeperThanLayer.of(depth, self.scene.layer.thickness)
+        say_warnings([] if doubt is None else [str(doubt)])
+
+    @property
+    def noise(self) -> NoiseModel:
+        """The noise of [noise], else the scatter of the curve, else 1 % of the largest force, with a note."""
+        import numpy as np
+
+        from underlay.inference.model.members import scatter
+        from underlay.scene.noise import Noise
+
+        if self.file.noise is not None:
+            return self.file.noise
+        if self.curve is not None and (spread := scatter(self.curve)) > 0.0:
+            say_warnings([f"noise {format_quantity(spread, 'force')}, as the curve scatters"])
+            return Noise(force=spread)
+        ideal = replace(self.scene, instrument=type(self.scene.instrument)())
+        force = _NOISE_SHARE * float(ideal.force(np.array([self.deepest]), solver=self.solver)[0])
+        told = f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force"
+        say_warnings([f"{told} at the deepest point; [noise] force or --curve says otherwise"])
+        return Noise(force=force)
+
+    @property
+    def depths(self) -> SimulatedDepths:
+        """The depth readings of [simulate], else a ramp of 200 points, a quarter of them before contact."""
+        from underlay.scene.scene_file import SimulatedDepths
+
+        if self.file.simulate is not None:
+            return self.file.simulate
+        contact = self.scene.instrument.contact_depth
+        before = _APPROACH / (1.0 - _APPROACH) * self.deepest
+        return SimulatedDepths(contact + self.deepest, contact - before, _POINTS)
+
+
 def plan(
-    scene: ScenePath,
+    scene: options.ScenePath,
     parameter: Annotated[str, typer.Option(help="Parameter that the test is to determine.")] = "layer.E",
     radii: RadiiOption = None,
     depths: DepthsOption = None,
-    max_depth: MaxDepth = None,
-    curve: CurveOption = None,
-    solver: SolverName = None,
-    rtol: Rtol = None,
-    output: OutputFolder = None,
+    max_depth: options.MaxDepth = None,
+    curve: options.CurveOption = None,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """Recommend a tip radius and a depth, by the expected standard error of a parameter.
 
@@ -75,43 +162,36 @@ def plan(
 
     from underlay.inference.from_files import free_of
     from underlay.report.labels import labelled
-    from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(scene)
-    measured = measured_curve(file, curve)
-    deepest = deepest_point(file, max_depth, measured)
-    free = free_of(file, measured)
-    if parameter in file.scene.parameters and parameter not in free:
+    test = _Test(scene, curve, max_depth, solver, rtol)
+    deepest, free = test.deepest, free_of(test.file, test.curve)
+    if parameter in test.scene.parameters and parameter not in free:
         free[parameter] = None
         say_warnings([f"{parameter} is planned as unknown too: [fit] does not free it"])
+    radius = test.scene.parameters.get("indenter.radius")
+    if radii is not None:
+        tips = _grid(radii)
+    elif radius is not None:
+        tips = np.geomspace(radius / _TIP_FACTOR, radius * _TIP_FACTOR, _COUNT)
+    else:
+        raise InputError(f"{scene.name}: the grid varies indenter.radius, which this indenter lacks")
     planned = ul.plan(
-        file.scene,
+        test.scene,
         free=free,
-        noise=expected_noise(file, deepest, measured),
-        radii=_grid(radii) if radii else _radii_around(file),
-        depths=_grid(depths) if depths else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest,
+        noise=test.noise,
+        radii=tips,
+        depths=np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest if depths is None else _grid(depths),
         parameter=parameter,
-        solver=wanted_solver(file.solver, solver, rtol),
+        solver=test.solver,
     )
     say(labelled(planned.recommendation))
     stem = f"{scene.stem}.plan"
     write_out(output, {f"{stem}.csv": planned.to_frame(), f"{stem}.png": lambda: ul.plots.plan(planned)})
 
 
-def _radii_around(file: SceneFile) -> FloatArray:
-    import numpy as np
-
-    radius = file.scene.parameters.get("indenter.radius")
-    if radius is None:
-        raise InputError(f"{file.path.name}: the grid varies indenter.radius, which this indenter lacks")
-    return np.geomspace(radius / _TIP_FACTOR, radius * _TIP_FACTOR, _COUNT)
-
-
 def _grid(text: str) -> FloatArray:
     """Read "0.1 mm:2 mm:8" as a geometric grid of lengths (m)."""
     import numpy as np
-
-    from underlay.units import parse_quantity
 
     parts = text.split(":")
     if len(parts) != 3 or not parts[2].strip().isdigit() or not 2 <= int(parts[2]) <= _MOST:
@@ -125,11 +205,11 @@ def _grid(text: str) -> FloatArray:
 
 
 def identify(
-    scene: ScenePath,
-    curve: CurveOption = None,
-    solver: SolverName = None,
-    rtol: Rtol = None,
-    output: OutputFolder = None,
+    scene: options.ScenePath,
+    curve: options.CurveOption = None,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """Show which combinations of the free parameters a test determines, and how well.
 
@@ -137,70 +217,59 @@ def identify(
 
     Example: `underlay identify scene.toml --curve curve.csv`
     """
-    from underlay.inference.from_files import problem_from
+    from underlay.inference.from_files import free_of, problem_from
     from underlay.report.labels import labelled
-    from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(scene)
-    file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
-    measured = measured_curve(file, curve)
-    told = _before(file) if measured is None else ul.identifiability(problem_from(file, measured))
+    test = _Test(scene, curve, None, solver, rtol)
+    if test.curve is not None:
+        told = ul.identifiability(problem_from(test.file, test.curve))
+    else:
+        steps = test.depths
+        told = ul.identifiability(
+            test.scene,
+            depth=steps.depth,
+            time=steps.time,
+            free=free_of(test.file),
+            noise=test.noise,
+            solver=test.solver,
+        )
     say(labelled(told.report()))
     stem = f"{scene.stem}.identifiability"
     write_out(output, {f"{stem}.csv": told.to_frame(), f"{stem}.png": lambda: ul.plots.identifiability(told)})
 
 
-def _before(file: SceneFile) -> Identifiability:
-    from underlay.inference.from_files import free_of
-
-    deepest = deepest_point(file, None)
-    depths = expected_depths(file, deepest)
-    return ul.identifiability(
-        file.scene,
-        depth=depths.depth,
-        time=depths.time,
-        free=free_of(file),
-        noise=expected_noise(file, deepest),
-        solver=file.solver,
-    )
-
-
 def effects(
-    scene: ScenePath,
-    max_depth: MaxDepth = None,
-    curve: CurveOption = None,
-    solver: SolverName = None,
-    rtol: Rtol = None,
-    output: OutputFolder = None,
+    scene: options.ScenePath,
+    max_depth: options.MaxDepth = None,
+    curve: options.CurveOption = None,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """List the effects that matter for a scene: size, change of a fit without it, cost.
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
     from underlay.scene.effects import effects_table
-    from underlay.scene.scene_file import read_scene_file
-    from underlay.units import format_quantity
 
-    file = read_scene_file(scene)
-    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
-    wanted = wanted_solver(file.solver, solver, rtol)
-    table = effects_table(file.scene, deepest, wanted)
-    on_fits = ul.effects_on_answers(file.scene, deepest, wanted).drop(columns="effect")
+    test = _Test(scene, curve, max_depth, solver, rtol)
+    told = (test.scene, test.deepest, test.solver)
+    table = effects_table(*told)
+    on_fits = ul.effects_on_answers(*told).drop(columns="effect")
     law, notes = table.attrs["law"], table.pop("note")
     table = table.join(on_fits).assign(note=notes)
-    say_table(table, f"Effects of {scene.name} at {format_quantity(deepest, 'length')}")
+    say_table(table, f"Effects of {scene.name} at {format_quantity(test.deepest, 'length')}")
     say("E and h: what leaving an effect out of a fit does to modulus and thickness (%)")
     say(f"law: {law}")
     stem = f"{scene.stem}.effects"
-    draw = partial(ul.plots.effects, file.scene, deepest, wanted)
-    write_out(output, {f"{stem}.csv": table, f"{stem}.png": draw})
+    write_out(output, {f"{stem}.csv": table, f"{stem}.png": partial(ul.plots.effects, *told)})
 
 
 def accuracy(
-    scene: ScenePath,
-    max_depth: MaxDepth = None,
-    curve: CurveOption = None,
-    output: OutputFolder = None,
+    scene: options.ScenePath,
+    max_depth: options.MaxDepth = None,
+    curve: options.CurveOption = None,
+    output: options.OutputFolder = None,
     quick: Annotated[
         bool,
         typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds."),
@@ -212,12 +281,10 @@ def accuracy(
     """
     from underlay.report.tables import accuracy_summary, answer_summary
     from underlay.scene.accuracy_cost import accuracy_cost
-    from underlay.scene.scene_file import read_scene_file
-    from underlay.units import format_quantity
 
-    file = read_scene_file(scene)
-    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
-    table = accuracy_cost(file.scene, deepest)
+    test = _Test(scene, curve, max_depth)
+    told, deepest = test.scene, test.deepest
+    table = accuracy_cost(told, deepest)
     facts = table.attrs
     say_table(
         accuracy_summary(table),
@@ -226,13 +293,13 @@ def accuracy(
     )
     tables = {"accuracy": table}
     if not quick:
-        answers = tables["answers"] = ul.answer_cost(file.scene, deepest)
+        answers = tables["answers"] = ul.answer_cost(told, deepest)
         unit = f"(x): times the {1e3 * answers.attrs['unit_seconds']:.1f} ms of lmfit's Hertz fit"
         say_table(
             answer_summary(answers),
             f"Fits of the scene's own curve, {answers.attrs['points']} points; {unit}",
         )
-        posterior = tables["posterior"] = ul.posterior_cost(file.scene, deepest)
+        posterior = tables["posterior"] = ul.posterior_cost(told, deepest)
         floor = posterior.attrs["reference_error"]
         say_table(posterior, f"Error of posterior quantiles (sd); the reference itself is off by {floor:.2g}")
     title = f"{scene.stem}, a/h = {facts['a_over_h']:.2g}"
@@ -265,9 +332,9 @@ OffsetOption = Annotated[
 
 
 def simulate(
-    scene: ScenePath,
+    scene: options.ScenePath,
     output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")] = Path("simulated.csv"),
-    seed: Seed = 0,
+    seed: options.Seed = 0,
     noise: NoiseOption = None,
     offset: OffsetOption = None,
     sampling_rate: Annotated[
@@ -285,16 +352,13 @@ def simulate(
     Example: `underlay simulate scene.toml --output noisy.csv --noise force="2 uN" --noise relative=0.5%`
     """
     from underlay.data.export import curve_csv
-    from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(scene)
+    test = _Test(scene)
     if output.exists() and output.samefile(scene):
         raise InputError(f"--output {output} is the scene file: name the CSV to write")
-    if file.simulate is None:
-        file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
-    else:
-        doubt_depth(file.scene, file.simulate.max_depth - file.scene.instrument.contact_depth)
-    curve = _made(file, seed, noise or [], offset or [], sampling_rate)
+    if test.file.simulate is not None:
+        test.doubt(test.file.simulate.max_depth - test.scene.instrument.contact_depth)
+    curve = _made(test, seed, noise or [], offset or [], sampling_rate)
     command = _command(scene, output, seed, noise or [], offset or [], sampling_rate)
     truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}
     say(f"wrote {write_atomic(output, curve_csv(curve, [f'made by: {command}']))}")
@@ -302,58 +366,47 @@ def simulate(
     say(f"wrote {write_atomic(output.with_suffix('.truth.json'), text)}")
 
 
-def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> ul.Curve:
+def _made(test: _Test, seed: int, noise: list[str], offset: list[str], rate: str | None) -> ul.Curve:
     """Make the curve of a scene file, with noise, instrument offsets and sampling rate of the options."""
     from underlay._arrays import positive
+    from underlay.quantities import field_quantities
     from underlay.scene.instrument import Instrument
     from underlay.scene.noise import Noise
-    from underlay.units import parse_quantity
 
-    if file.simulate is None:
-        raise InputError(f"{file.path.name} has no [simulate] section")
+    file, steps = test.file, test.depths
     given = [text for text in noise if text.strip() != "none"]
     stated = file.noise if len(given) == len(noise) else None
     kind = Noise if stated is None else type(stated)
-    of_noise, of_others, of_instrument = _kinds(kind), _kinds(ul.Disturbances), _kinds(Instrument)
+    # The names that an option takes, each with its kind of quantity, as dataclasses declare them.
+    of_noise, of_others, of_instrument = (
+        {name: known.kind for name, known in field_quantities(declared).items()}
+        for declared in (kind, ul.Disturbances, Instrument)
+    )
     of_instrument.pop("compliance")
     written = {} if stated is None else {name: getattr(stated, name) for name in of_noise}
-    numbers = {**written, **named_quantities("--noise", given, {**of_noise, **of_others})}
-    offsets = named_quantities("--offset", offset, of_instrument)
+    numbers = {**written, **options.named_quantities("--noise", given, {**of_noise, **of_others})}
+    offsets = options.named_quantities("--offset", offset, of_instrument)
     scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
     if numbers.get("outlier_sd") and not numbers.get("outliers"):
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
     others = ul.Disturbances(**{name: numbers[name] for name in of_others if name in numbers})
-    model = _noise_model(kind, {name: numbers[name] for name in of_noise if numbers.get(name)})
-    clock: dict[str, Any]
-    depth, clock = file.simulate.depth, {"time": file.simulate.time}
+    sizes = {name: numbers[name] for name in of_noise if numbers.get(name)}
+    if set(sizes) == {"correlation_time"}:
+        raise InputError(
+            'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
+        )
+    model = kind(**sizes) if sizes else None
+    depth, clock = steps.depth, dict[str, Any](time=steps.time)
     if rate is not None:
         hertz = positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")
-        if file.simulate.is_timed:
-            depth, time = file.simulate.motion.sampled(sampling_rate=hertz)
+        if steps.is_timed:
+            depth, time = steps.motion.sampled(sampling_rate=hertz)
             clock = {"time": time}
         else:
             clock = {"sampling_rate": hertz}
     if model is None and others == ul.Disturbances() and rate is None:
         return ul.simulate(scene, depth, **clock, solver=file.solver)
     return ul.synthesize(scene, depth, model, seed, **clock, disturbances=others, solver=file.solver)
-
-
-def _kinds(declared: type) -> dict[str, str]:
-    """Return the names that an option takes, each with its kind of quantity, as a dataclass declares them."""
-    from underlay.quantities import field_quantities
-
-    return {name: known.kind for name, known in field_quantities(declared).items()}
-
-
-def _noise_model(kind: type[NoiseModel], numbers: Mapping[str, float]) -> NoiseModel | None:
-    """Return the noise model with the given parameters that are not zero (SI); None if there are none."""
-    if not numbers:
-        return None
-    if set(numbers) == {"correlation_time"}:
-        raise InputError(
-            'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
-        )
-    return kind(**numbers)
 
 
 def _command(
@@ -364,105 +417,3 @@ def _command(
     words += [word for text in offset for word in ("--offset", text)]
     words += ["--sampling-rate", rate] if rate is not None else []
     return shlex.join(words)
-
-
-def measured_curve(file: SceneFile, option: Path | None) -> ul.Curve | None:
-    """Read the curve given by --curve, else the one that the scene file names; None if there is neither."""
-    from underlay.inference.from_files import read_for
-
-    path = option if option is not None else file.curve_path
-    return None if path is None else read_for(file, path)
-
-
-def deepest_point(file: SceneFile, option: str | None, curve: ul.Curve | None = None) -> float:
-    """Return the largest indentation (m), from the contact point.
-
-    It is that of the option ``--max-depth``, else of the curve, else of [simulate], else a default, which is
-    printed.
-
-    Raises
-    ------
-    InputError
-        If what was given is not positive.
-    """
-    from underlay.scene.program import default_depth
-    from underlay.units import format_quantity, parse_quantity
-
-    if option is not None:
-        depth = parse_quantity(option, "length")
-    elif curve is not None:
-        depth = float(curve.depth.max()) - _contact_of(file, curve)
-    elif file.simulate is not None:
-        depth = file.simulate.max_depth - file.scene.instrument.contact_depth
-    else:
-        depth = default_depth(file.scene)
-        say_warnings(
-            [
-                (
-                    f"pressed to {format_quantity(depth, 'length')} by default; --max-depth, --curve, "
-                    "[simulate] max_depth or [curve] file says otherwise"
-                )
-            ]
-        )
-    if not depth > 0.0:
-        raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
-    doubt_depth(file.scene, depth)
-    return depth
-
-
-def doubt_depth(scene: ul.Scene, depth: float) -> None:
-    """Warn where an indentation (m) exceeds the layer's thickness."""
-    from underlay.mechanics.contact_law import DeeperThanLayer
-
-    doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
-    if doubt is not None:
-        say_warnings([str(doubt)])
-
-
-def expected_noise(file: SceneFile, deepest: float, curve: ul.Curve | None = None) -> NoiseModel:
-    """Return the noise of [noise], else the scatter of the curve, else 1 % of the largest force, with a note."""
-    import numpy as np
-
-    from underlay.inference.model.members import scatter
-    from underlay.scene.noise import Noise
-    from underlay.units import format_quantity
-
-    if file.noise is not None:
-        return file.noise
-    if curve is not None:
-        spread = scatter(curve)
-        if spread > 0.0:
-            say_warnings([f"noise {format_quantity(spread, 'force')}, as the curve scatters"])
-            return Noise(force=spread)
-    ideal = replace(file.scene, instrument=type(file.scene.instrument)())
-    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), solver=file.solver)[0])
-    say_warnings(
-        [
-            (
-                f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force at the "
-                "deepest point; [noise] force or --curve says otherwise"
-            )
-        ]
-    )
-    return Noise(force=force)
-
-
-def expected_depths(file: SceneFile, deepest: float) -> SimulatedDepths:
-    """Return the depth readings of [simulate], else a ramp to the largest indentation `deepest` (m).
-
-    The ramp has 200 points, a quarter of them before contact.
-    """
-    from underlay.scene.scene_file import SimulatedDepths
-
-    if file.simulate is not None:
-        return file.simulate
-    contact = file.scene.instrument.contact_depth
-    before = _APPROACH / (1.0 - _APPROACH) * deepest
-    return SimulatedDepths(contact + deepest, contact - before, _POINTS)
-
-
-def _contact_of(file: SceneFile, curve: ul.Curve) -> float:
-    from underlay.data.contact_point import find_contact
-
-    stated = "instrument.contact_depth" in file.stated
-    return file.scene.instrument.contact_depth if stated else find_contact(curve, scene=file.scene).depth

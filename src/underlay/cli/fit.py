@@ -1,40 +1,28 @@
-"""Commands on one curve: `fit`, `demo`, `compare`, `film`, `sample`."""
+"""Commands on one curve: `fit`, `demo`, `compare`, `film`, `sample`; and `benchmark`, on curves of known truth."""
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 
 import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_table, say_warnings, write_out
-from underlay.cli.options import (
-    CurveFile,
-    Details,
-    ExcelFile,
-    OutputFolder,
-    Rtol,
-    SceneOption,
-    Seed,
-    SolverName,
-    scene_for,
-    wanted_solver,
-)
+from underlay.cli import options
+from underlay.cli.console import say, say_parts, say_table, say_warnings, write_out
 from underlay.data.samples import sample as sample_file
-from underlay.errors import InputError, installing
-from underlay.report.notices import gathered_warnings
+from underlay.errors import InputError, gathered_warnings, installing
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from underlay.inference.benchmark import Scores
     from underlay.inference.compare import Comparison
-
-__all__ = ["compare", "demo", "film", "fit", "sample", "show_fit"]
 
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
 _AS_GOOD = 10.0
@@ -45,103 +33,57 @@ _SAMPLES = (
 
 
 def fit(
-    curve: CurveFile,
-    scene: SceneOption = None,
-    solver: SolverName = None,
-    rtol: Rtol = None,
-    output: OutputFolder = None,
-    excel: ExcelFile = None,
-    details: Details = False,
+    curve: options.CurveFile,
+    scene: options.SceneOption = None,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
+    output: options.OutputFolder = None,
+    excel: options.ExcelFile = None,
+    details: options.Details = False,
 ) -> None:
     """Fit a curve with the substrate in the model.
 
     Example: `underlay fit curve.csv --scene scene.toml --output results`
     """
-    from underlay.report.limits import quality_doubts, reservations
+    from underlay.report.limits import quality_doubts
 
-    scene = scene_for(scene, curve, "fit")
+    scene = options.scene_for(scene, curve, "fit")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
-        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
-        doubts = quality_doubts(problem)
-        with _at_work() if any(one.drainage for one in problem.base_scenes) else nullcontext():
+        problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
+        quality_doubts(problem)
+        # Seen on a terminal only: of a draining layer under a sphere a fit may take a minute.
+        work = Console(stderr=True).status("fitting; a layer that drains may take a minute")
+        with work if any(one.drainage for one in problem.base_scenes) else nullcontext():
             result = ul.fit(problem)
             result.answers  # noqa: B018  they take longest, and are kept
-    show_fit(result, curve.name, details=details)
-    if details:
-        say_warnings([*doubts, *reservations(result, notes)])
-    else:
-        say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
+    _show(result, details=details)
+    say_warnings(notes if details else [])
     if output is not None:
-        from underlay.report.fit_files import write_fit
+        from underlay.report.details import write_fit
         from underlay.report.screen import written_line
 
         say(written_line(write_fit(result, output, curve.stem), output, curve.stem))
     if excel is not None:
-        from underlay.report.fit_files import pointwise_of
+        from underlay.report.details import pointwise_of
 
         by_depth = [found for found in pointwise_of(result) if not isinstance(found, str)]
         say(f"wrote {ul.write_excel(excel, result, *by_depth)}")
 
 
-def _at_work() -> AbstractContextManager[object]:
-    """Show on a terminal that a fit goes on: of a draining layer under a sphere it may take a minute."""
-    from rich.console import Console
-
-    return Console(stderr=True).status("fitting; a layer that drains may take a minute")
-
-
-def show_fit(result: ul.Fit, name: str, *, details: bool = False) -> None:
-    """Print the result of a fit: numbers, verdict, next step; with `details` all further tables.
-
-    `name` is that of the curve, for the titles.
-    """
+def _show(result: ul.Fit, *, details: bool = False) -> None:
+    """Print the result of a fit: numbers, verdict, next step, notes; with `details` all that stands behind them."""
     from underlay.report.screen import fit_lines
 
     say("")
     for text in fit_lines(result):
         say(text)
     if details:
-        _show_details(result, name)
+        from underlay.report.details import fit_parts, pointwise_of
 
-
-def _show_details(result: ul.Fit, name: str) -> None:
-    """Print budget, parameters, correlations, comparison with the instrument's modulus, and the contact model."""
-    from underlay.report.adhesion_tables import adhesion_frame, halfspace_of
-    from underlay.report.labels import is_of_the_sample, label
-    from underlay.report.limits import advice, rivals
-    from underlay.report.screen import budget_table
-    from underlay.report.tables import correlated_pairs, fit_table, steps_table
-    from underlay.units import format_quantity
-
-    for parameter in filter(is_of_the_sample, result.names):
-        say_table(
-            budget_table(result.answer(parameter)), f"Uncertainty budget of the {label(parameter)}, 95 %"
-        )
-    for other in result.verdict.others:
-        say(f"also {other}")
-    for sentence in (*rivals(result), *advice(result)):
-        say(sentence)
-    table = fit_table(result).drop(columns=["instrument's own", "differs (%)"], errors="ignore")
-    say_table(table if any(table["at bound"]) else table.drop(columns="at bound"), f"Fit of {name}")
-    sticking = adhesion_frame(result)
-    if len(sticking):
-        say_table(sticking, "Adhesion")
-        if sentence := halfspace_of(result):
-            say(sentence)
-    for path, told in result.instrument_moduli.items():
-        say(
-            f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
-            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
-            f"{100.0 * told.difference:+.3g} %"
-        )
-    if steps := ul.steps_to_ours(result):
-        table = steps_table(steps).reset_index(names="step")
-        say_table(table, "From the instrument's number to the value of this fit")
-    pairs = correlated_pairs(result)
-    if len(pairs):
-        say_table(pairs, "Correlations above 0.9")
-    say(f"contact model: {result.law_reason}")
+        say_parts(fit_parts(result, pointwise_of(result)))
+    else:
+        say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
 
 
 def demo(
@@ -153,16 +95,14 @@ def demo(
 
     Example: `underlay demo --output underlay-demo`
     """
-    from underlay.report.fit_files import write_fit
-    from underlay.report.limits import reservations
+    from underlay.report.details import write_fit
 
     folder, written = require_writable_folder(output), list[Path]()
     for curve, scene, title in _SAMPLES:
-        with gathered_warnings() as notes:
+        with gathered_warnings():
             result = ul.fit(ul.load_problem(sample_file(curve), sample_file(scene)))
         say(f"\n{title}")
-        show_fit(result, curve)
-        say_warnings(reservations(result, notes))
+        _show(result)
         written += write_fit(result, folder, Path(curve).stem)
     say("\nThe results are in:")
     for path in written:
@@ -170,7 +110,9 @@ def demo(
     say(f"\nNext: underlay fit CURVE --scene SCENE.toml (start from {sample_file(_SAMPLES[1][1])})")
 
 
-def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = None) -> None:
+def compare(
+    curve: options.CurveFile, scene: options.SceneOption = None, output: options.OutputFolder = None
+) -> None:
     """Fit one curve with every contact model, and with the layer bonded or free to slip on its substrate.
 
     Example: `underlay compare curve.csv --scene scene.toml --output results`
@@ -178,7 +120,7 @@ def compare(curve: CurveFile, scene: SceneOption = None, output: OutputFolder = 
     from underlay.report.limits import bonds_sentences
     from underlay.scene.scene import has_face
 
-    scene = scene_for(scene, curve, "compare")
+    scene = options.scene_for(scene, curve, "compare")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
         laws = ul.compare(problem)
@@ -220,8 +162,8 @@ def _on_the_best(laws: Comparison) -> Iterator[str]:
 
 
 def film(
-    curve: CurveFile,
-    scene: SceneOption = None,
+    curve: options.CurveFile,
+    scene: options.SceneOption = None,
     calibration: Annotated[
         Path | None,
         typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
@@ -232,7 +174,7 @@ def film(
     ] = None,
     depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
     depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """Fit the contact stiffness S(h) of a film that was indented plastically; the scene's indenter is a cone.
 
@@ -245,7 +187,7 @@ def film(
     from underlay.report.film_tables import film_notes, film_table
     from underlay.scene.scene_file import read_scene_file
 
-    scene = scene_for(scene, curve, "film")
+    scene = options.scene_for(scene, curve, "film")
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
     for note in film_notes(found, perfect=calibration is None):
@@ -258,9 +200,9 @@ def film(
 
 
 def sample(
-    curve: CurveFile,
-    scene: SceneOption = None,
-    output: OutputFolder = None,
+    curve: options.CurveFile,
+    scene: options.SceneOption = None,
+    output: options.OutputFolder = None,
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
     max_steps: Annotated[
         int | None,
@@ -268,9 +210,9 @@ def sample(
             help="Most steps; it stops once converged. By default 20,000, or 5 min of processor time."
         ),
     ] = None,
-    seed: Seed = 0,
-    solver: SolverName = None,
-    rtol: Rtol = None,
+    seed: options.Seed = 0,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
@@ -285,7 +227,7 @@ def sample(
         bool,
         typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
     ] = False,
-    details: Details = False,
+    details: options.Details = False,
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
@@ -297,11 +239,10 @@ def sample(
     """
     from underlay.inference.from_files import problem_from, read_for, weak_bounds
     from underlay.report.labels import label
-    from underlay.report.posterior_tables import posterior_table, prior_table
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(scene_for(scene, curve, "sample"))
+    file = read_scene_file(options.scene_for(scene, curve, "sample"))
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
     weak = weak_bounds(file, part)
     problem = problem_from(file, part, weak)
@@ -309,7 +250,7 @@ def sample(
         raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
     chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
-        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
+        problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
         if model_error:
             problem = ul.free_model_error(problem)
         if problem.noise_is_open:
@@ -322,9 +263,9 @@ def sample(
     for text in posterior_lines(posterior):
         say(text)
     if details:
-        say(f"sampling: {posterior.diagnostics.reason}")
-        say_table(posterior_table(posterior), f"Posterior of {curve.name}")
-        say_table(prior_table(posterior), "Prior and posterior")
+        from underlay.report.details import posterior_parts
+
+        say_parts(posterior_parts(posterior, {}))
     if weak:
         named = ", ".join(map(label, weak))
         notes.append(f"{named}: no bounds in [fit], so within ten times the range of the curve")
@@ -352,3 +293,66 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
         say(f"note: h5py is not installed, so this run cannot be resumed ({installing('uq')})")
         return None
     return output / f"{stem}.chain.h5"
+
+
+def benchmark(
+    solver: Annotated[
+        str | None,
+        typer.Option("--solver", help="Score one elastic contact model: exact, halfspace, garcia2018, ..."),
+    ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--program",
+            help="Score another program: its command line, with {curve} for the CSV (SI), {scene} for the scene "
+            "file, {answer} for the file that takes the modulus in Pa (else its last printed word), and numbers of "
+            "the scene such as {indenter.radius} and {layer.nu}.",
+        ),
+    ] = None,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option("--kind", help="Kind of sample, e.g. elastic; repeat it for more; all by default."),
+    ] = None,
+    output: options.OutputFolder = None,
+) -> None:
+    """Score the accuracy of a fit, a contact model or another program on the open benchmark.
+
+    Thirty synthetic curves with known truth: six kinds of sample, each with five kinds of noise. Without --solver
+    and --program the whole model of each scene is fitted. A contact model is also compared with the exact contact
+    problem and with finite elements.
+
+    Example: `underlay benchmark --kind elastic`
+
+    Example: `underlay benchmark --solver garcia2018 --kind elastic --output results`
+    """
+    from underlay.inference.benchmark import Program, against_finite_elements, against_references
+
+    if solver is not None and program is not None:
+        raise InputError("--solver and --program do not go together: score one after the other")
+    other = None if program is None else Program(program)
+    with Console(stderr=True).status("") as line:  # seen on a terminal only
+        scores = ul.benchmark(
+            solver,
+            estimate=other,
+            kinds=kind or (),
+            progress=lambda case: line.update(f"{case.kind}, {case.noise} noise"),
+        )
+    say_table(
+        scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
+    )
+    _say_reasons(scores)
+    tables = {"benchmark.csv": scores.to_frame()}
+    if program is None:
+        law = solver or "auto"
+        tables["benchmark.references.csv"] = against_references(law)
+        tables["benchmark.finite_elements.csv"] = against_finite_elements(law)
+        say_table(tables["benchmark.references.csv"], f"{law}: force against the exact contact problem")
+        say_table(tables["benchmark.finite_elements.csv"], f"{law}: force against finite elements")
+    write_out(output, tables)
+
+
+def _say_reasons(scores: Scores) -> None:
+    """Print each reason why a curve has no estimate, once."""
+    reasons = [f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason]
+    for reason in dict.fromkeys(reasons):
+        say(reason)

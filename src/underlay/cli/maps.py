@@ -10,24 +10,12 @@ import typer
 
 import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_error, say_table, write_all
-from underlay.cli.options import (
-    Details,
-    ExcelFile,
-    OutputFolder,
-    Rtol,
-    SceneOption,
-    Seed,
-    SolverName,
-    scene_for,
-    wanted_solver,
-)
+from underlay.cli import options
+from underlay.cli.console import say, say_error, say_table
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["map_curves", "population"]
 
 _LISTED = 10
 _INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
@@ -35,7 +23,7 @@ _INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
 
 def map_curves(
     curves: Annotated[Path, typer.Argument(help="Folder with a curve per file, or one file of many tests.")],
-    scene: SceneOption = None,
+    scene: options.SceneOption = None,
     manifest: Annotated[
         Path | None,
         typer.Option(
@@ -63,10 +51,10 @@ def map_curves(
         bool, typer.Option("--quick", help="Values and least-squares errors alone, in a tenth of the time.")
     ] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
-    seed: Seed = 0,
-    solver: SolverName = None,
-    rtol: Rtol = None,
-    excel: ExcelFile = None,
+    seed: options.Seed = 0,
+    solver: options.SolverName = None,
+    rtol: options.Rtol = None,
+    excel: options.ExcelFile = None,
     review: Annotated[
         bool, typer.Option("--review", help="Write a gallery of the curves, worst first, and decisions.csv.")
     ] = False,
@@ -86,17 +74,17 @@ def map_curves(
     from underlay.report.screen import assumed_words, line, written_line
     from underlay.scene.scene_file import read_scene_file
 
-    scene = scene_for(scene, curves, "map")
+    scene = options.scene_for(scene, curves, "map")
     decided = None if decisions is None else ul.read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     file = read_scene_file(scene)
-    wanted = wanted_solver(file.solver, solver, rtol)
+    wanted = options.wanted_solver(file.solver, solver, rtol)
     if excel is not None:
         _require_elsewhere(excel, curves, folders)
     folder = require_writable_folder(output)
     path = folder / f"map.{table_format}"
-    options = ul.MapOptions(
+    asked = ul.MapOptions(
         solver=wanted,
         quality=check,
         sampling=ul.Sampling(max_steps=max_steps, seed=seed) if sample else False,
@@ -112,7 +100,7 @@ def map_curves(
             workers=workers,
             scheduler=scheduler,
             output=path,
-            options=options,
+            options=asked,
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
@@ -132,9 +120,7 @@ def map_curves(
     if review:
         # As `fit_many` listed the curves.
         own = [entry for entry in (manifest, scene, path) if entry is not None]
-        pages = ul.write_review(
-            table, curves, scene, folder, options=options, decisions=decided, leave_out=own
-        )
+        pages = ul.write_review(table, curves, scene, folder, options=asked, decisions=decided, leave_out=own)
         say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
         say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
     if excel is not None:
@@ -182,11 +168,10 @@ def _show(table: pd.DataFrame) -> None:
 def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
     from underlay.inference.batch.results_table import fitted_names
 
-    names = fitted_names(table.columns)
-    parameter = next(iter(sorted(names, key=lambda name: name != "layer.E")), None)
-    if parameter is None or not table[parameter].notna().any():
+    names = sorted(fitted_names(table.columns), key=lambda name: name != "layer.E")
+    if not names or not table[names[0]].notna().any():
         return []
-    return [ul.plots.save(ul.plots.survey(table, parameter), folder / "map.png")]
+    return [ul.plots.save(ul.plots.survey(table, names[0]), folder / "map.png")]
 
 
 def population(
@@ -211,9 +196,9 @@ def population(
             help="Relative error that all curves share, such as the tip radius's; else the map's own."
         ),
     ] = None,
-    output: OutputFolder = None,
-    excel: ExcelFile = None,
-    details: Details = False,
+    output: options.OutputFolder = None,
+    excel: options.ExcelFile = None,
+    details: options.Details = False,
 ) -> None:
     """Mean and spread over animals, with intervals that allow for the similarity of sites on one animal.
 
@@ -222,6 +207,7 @@ def population(
 
     Example: `underlay population map.csv --by animal --group treatment`
     """
+    from underlay.report.details import write_all
     from underlay.report.maps import population_lines, population_tables
     from underlay.report.screen import written_line
 

@@ -24,24 +24,6 @@ from underlay.errors import FileAccessError, InputError, UnitError
 if TYPE_CHECKING:
     from underlay.mechanics.solver import Solver
 
-__all__ = [
-    "CurveFile",
-    "CurveOption",
-    "Details",
-    "ExcelFile",
-    "MaxDepth",
-    "OutputFolder",
-    "Rtol",
-    "SceneOption",
-    "ScenePath",
-    "Seed",
-    "SolverName",
-    "named_quantities",
-    "scene_for",
-    "wanted_solver",
-    "without_empty_folders",
-]
-
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
 CurveOption = Annotated[
     Path | None,
@@ -224,27 +206,13 @@ def without_empty_folders() -> Iterator[None]:
         _made.reset(token)
 
 
-def _require_excel(path: Path | None) -> Path | None:
-    """Check before the computation that the Excel file can be written after it; return its path.
-
-    Raises
-    ------
-    InputError
-        If it does not end in .xlsx.
-    MissingExtraError
-        If the extra ``excel`` is not installed.
-    FileAccessError
-        If its folder cannot be written.
-    """
+def _excel_path(path: Path | None) -> Path | None:
+    """Check before the computation that the Excel file can be written after it; see `excel_path` for the errors."""
     if path is None:
         return None
-    from underlay.report.excel import excel_library
+    from underlay.report.excel import excel_path
 
-    if path.suffix.lower() != ".xlsx":
-        raise InputError(f"--excel must end in .xlsx; got {path.name!r}")
-    excel_library()
-    require_writable_folder(path.parent)
-    return path
+    return excel_path(path)
 
 
 OutputFolder = Annotated[
@@ -262,7 +230,7 @@ ExcelFile = Annotated[
     Path | None,
     typer.Option(
         "--excel",
-        callback=_require_excel,
+        callback=_excel_path,
         help="Excel file to write (.xlsx): results, settings, curves, each a sheet.",
     ),
 ]

@@ -1,26 +1,41 @@
-"""Commands to begin with: `app`, `formats` and `keys`."""
+"""Commands to begin with: `app`, `formats` and `keys`.
+
+`formats` also writes a starter scene file: values that a curve's file states are filled in; all others are
+marked as to be given.
+"""
 
 from __future__ import annotations
 
 import importlib.util
 import os
+import textwrap
+from collections.abc import Iterator, Mapping
+from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from string import Template
+from typing import Annotated, Any
 
 import typer
 
 import underlay as ul
 from underlay._files import write_atomic
+from underlay._text import one_line
+from underlay.cli import options
 from underlay.cli.console import say, say_table, say_warnings, write_out
-from underlay.cli.new_scene import new_scene as starter
-from underlay.cli.new_scene import unread_scene
-from underlay.cli.options import OutputFolder
-from underlay.errors import FileAccessError, InputError, missing_extra
-
-__all__ = ["browser_page", "formats", "keys"]
+from underlay.errors import FileAccessError, InputError, UnderlayError, missing_extra
+from underlay.units import format_quantity, human_unit
 
 # What a scene file may say of how a file is read; which test of it is one more.
 _READING = ("format", "columns", "calibration")
+_SHAPES = {
+    "sphere": "sphere",
+    "ball": "sphere",
+    "cone": "cone",
+    "flat": "flat_punch",
+    "cylinder": "flat_punch",
+}
+# What is written of a file that was not read, and how much of a line.
+_LINES, _LETTERS = 6, 90
 
 
 def browser_page(
@@ -42,12 +57,8 @@ def browser_page(
         raise InputError(f"--port must be from 0 to 65535; got {port}")
     from underlay.app.server import serve
 
-    serve(folder, port, show=browser, tell=_tell)
-
-
-def _tell(address: str) -> None:
-    say("The page is at this address, which opens once; end it with Ctrl-C.")
-    say(address)
+    told = "The page is at this address, which opens once; end it with Ctrl-C."
+    serve(folder, port, show=browser, tell=lambda address: say(f"{told}\n{address}"))
 
 
 def formats(
@@ -59,7 +70,7 @@ def formats(
         typer.Option("--scene", "-s", help="Scene file (TOML) whose [curve] section says how to read it."),
     ] = None,
     test: Annotated[int | None, typer.Option(help="Which test of a file that holds several.")] = None,
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
     new_scene: Annotated[
         Path | None,
         typer.Option("--new-scene", help="Write a starter scene file for FILE; what it knows is filled in."),
@@ -77,7 +88,7 @@ def formats(
     Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
     from underlay.data.signs import flipped
-    from underlay.report.reading import format_name, reading_table
+    from underlay.report.tables import format_name, reading_table
     from underlay.scene.scene_file import PLACE, read_scene_file
 
     if file is None:
@@ -92,7 +103,7 @@ def formats(
         if new_scene is None or isinstance(error, FileAccessError):
             raise
         say(f"{file.name} could not be read as it is: {error}")
-        say(f"wrote {_write_unread(new_scene, file, str(error))}")
+        _write_new(new_scene, file, [], str(error))
         say(f"Next: say in its [curve] section what the columns are, and replace every {PLACE}")
         return
     # The signs are shown as they are: only what the scene turns is turned.
@@ -103,7 +114,7 @@ def formats(
         list(dict.fromkeys(str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())))
     )
     if new_scene is not None:
-        say(f"wrote {_write_new(new_scene, file, chosen)}")
+        _write_new(new_scene, file, chosen)
         say(f"Next: replace every {PLACE} in {new_scene}; underlay keys lists what may stand there")
     if output is not None:
         for number, curve in chosen:
@@ -111,24 +122,15 @@ def formats(
             say(f"wrote {ul.plots.save(ul.plots.segments(curve), output / f'{stem}.segments.png')}")
 
 
-def _write_new(target: Path, file: Path, chosen: list[tuple[int, ul.Curve]]) -> Path:
-    if len(chosen) > 1:
-        say(f"{file.name} holds {len(chosen)} tests: the scene is of the first; --test says another")
-    return write_atomic(_new(target), starter(chosen[0][1], _name_from(target, file)))
-
-
-def _write_unread(target: Path, file: Path, reason: str) -> Path:
-    return write_atomic(_new(target), unread_scene(file, _name_from(target, file), reason))
-
-
-def _new(target: Path) -> Path:
+def _write_new(target: Path, file: Path, chosen: list[tuple[int, ul.Curve]], reason: str = "") -> None:
+    """Write a starter scene file for a curve file; without a curve, `reason` says why it could not be read."""
     if target.exists():
         raise InputError(f"{target} exists and may hold your work; name another file")
-    return target
-
-
-def _name_from(target: Path, file: Path) -> str:
-    return Path(os.path.relpath(file.resolve(), target.resolve().parent)).as_posix()
+    name = Path(os.path.relpath(file.resolve(), target.resolve().parent)).as_posix()
+    if len(chosen) > 1:
+        say(f"{file.name} holds {len(chosen)} tests: the scene is of the first; --test says another")
+    text = starter_scene(chosen[0][1], name) if chosen else unread_scene(file, name, reason)
+    say(f"wrote {write_atomic(target, text)}")
 
 
 def _list_formats() -> None:
@@ -181,7 +183,7 @@ def keys(
     section: Annotated[
         str | None, typer.Argument(help="One section, e.g. layer; without it, all of them.")
     ] = None,
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
 ) -> None:
     """List every key of a scene file: what it takes, its default, what it means.
 
@@ -209,3 +211,145 @@ def keys(
         "PARAMETER is any number of the scene: layer.E, layer.thickness, instrument.contact_depth, noise.force"
     )
     write_out(output, {"scene_keys.csv": table})
+
+
+def unread_scene(file: Path, name: str, reason: str) -> str:
+    """Return the text of a starter scene file for a curve file that could not be read, with its first lines.
+
+    Parameters
+    ----------
+    file : path
+        The curve file.
+    name : str
+        Its path as the scene file names it.
+    reason : str
+        Why it could not be read.
+    """
+    from underlay.scene.scene_file import PLACE
+
+    seen = list(_seen(file))
+    told = ["The file could not be read as it is:"]
+    told += [f"  {line}" for line in textwrap.wrap(one_line(reason), _LETTERS)]
+    told += ["Its first lines:", *(f"  {line}" for line in seen)] if seen else ["It is no text."]
+    columns = (
+        "# By name or by number from 1, with the unit that the instrument's manual says; or a sum.\n"
+        f'columns = {{ depth = "{PLACE} (um)", force = "{PLACE} (mN)" }}\n'
+    )
+    return _filled(
+        {},
+        ("mm", "kPa"),
+        (f"{PLACE} um", f"{PLACE} um"),
+        unread="".join(f"# {line}\n" for line in told),
+        file=_quoted(name),
+        reading=columns if seen else "",
+    )
+
+
+def _seen(file: Path) -> Iterator[str]:
+    """Yield the first lines of a text file, each made printable; nothing for a binary file."""
+    from underlay.data.readers._source import load, unpack
+    from underlay.data.readers._text import lines_of
+
+    try:
+        parts, _ = unpack(load(file))
+        lines = lines_of(parts[0])
+    except (UnderlayError, IndexError):
+        return
+    yield from (one_line(line.rstrip(), _LETTERS) for line in lines[:_LINES])
+
+
+def starter_scene(curve: ul.Curve, name: str) -> str:
+    """Return the text of a starter scene file for a curve; `name` is the path of its file, as the scene names it.
+
+    Every value that the curve's file states is filled in; all others are ``TODO``, which a scene file refuses until
+    it is replaced.
+    """
+    import numpy as np
+
+    known, test = curve.metadata, curve.metadata.get("test")
+    extent = max(float(np.ptp(curve.depth)), np.finfo(float).tiny)
+    units = (
+        # The largest unit that goes at least once into the depth: `human_unit` takes a tenth of one too.
+        human_unit(0.1 * extent, "length")[0],
+        human_unit(float(np.ptp(curve.force)) / extent**2, "pressure")[0],
+    )
+    ends = [format_quantity(float(end) + 0.0, "length") for end in (curve.depth.min(), curve.depth.max())]
+    reading = "" if test in (None, 1) else f"test = {int(test)}\n"
+    return _filled(known, units, (ends[0], ends[1]), file=_quoted(name), reading=reading)
+
+
+def _filled(known: Mapping[str, Any], units: tuple[str, str], ends: tuple[str, str], **more: str) -> str:
+    """Return the template of a scene file, filled.
+
+    Parameters
+    ----------
+    known : mapping
+        The metadata of the curve.
+    units : (str, str)
+        Units of length and pressure that suit the size of the test.
+    ends : (str, str)
+        Bounds of the contact point, with their units.
+    **more : str
+        ``file``, ``reading`` (further lines of its section) and ``unread`` (comment lines).
+    """
+    from underlay.scene.scene_file import PLACE
+
+    nu, spring = _number(known, "poisson_ratio"), _number(known, "spring_constant")
+    told = (
+        ""
+        if spring is None
+        else (
+            f"# The file says a spring constant of {format_quantity(spring, 'stiffness')}; the depth that is\n"
+            "# read is clear of its bending. If it were not: [instrument] compliance, its inverse.\n\n"
+        )
+    )
+    text = resources.files("underlay.cli").joinpath("templates", "scene.toml").read_text(encoding="utf-8")
+    values = {
+        "place": PLACE,
+        "length": units[0],
+        "pressure": units[1],
+        "low": ends[0],
+        "high": ends[1],
+        "indenter": "\n".join(_indenter(known, units[0])),
+        "nu": f'"{PLACE}"             # 0.5 if incompressible'
+        if nu is None
+        else f"{nu:.6g}   # as the file says",
+        "spring": told,
+        "unread": "",
+    }
+    return Template(text).substitute(values | more)
+
+
+def _indenter(known: Mapping[str, Any], length: str) -> Iterator[str]:
+    from underlay.scene.scene_file import PLACE
+
+    said = str(known.get("indenter", "")).casefold()
+    shape = next((shape for word, shape in _SHAPES.items() if word in said), None)
+    radius = _number(known, "indenter_radius")
+    if shape is None and radius is None:
+        yield f'shape = "{PLACE}"          # sphere, paraboloid, cone, flat_punch, ...'
+        yield f'radius = "{PLACE} {length}"      # half_angle = "35 deg" for a cone'
+        return
+    yield f'shape = "{shape or "sphere"}"'
+    if shape == "cone":
+        yield f'half_angle = "{PLACE} deg"'
+    elif radius is None:
+        yield f'radius = "{PLACE} {length}"'
+    else:
+        yield f'radius = "{format_quantity(radius, "length")}"   # as the file says'
+
+
+def _number(known: Mapping[str, Any], key: str) -> float | None:
+    import numpy as np
+
+    value = known.get(key)
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return float(value) if usable and value is not None and value > 0.0 else None
+
+
+def _quoted(text: str) -> str:
+    """Return `text` as a quoted and escaped TOML string."""
+    escaped = "".join(
+        f"\\u{ord(letter):04x}" if not letter.isprintable() or letter in '"\\' else letter for letter in text
+    )
+    return f'"{escaped}"'

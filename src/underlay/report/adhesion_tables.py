@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.scene.scene import Scene
 
-__all__ = ["adhesion_frame", "adhesion_table", "halfspace_of", "halfspace_sentence"]
-
 # Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
 _HELD = {
@@ -44,15 +42,9 @@ def adhesion_frame(result: Fit) -> pd.DataFrame:
     for number in range(len(result.curves)):
         for known in adhesive_estimates(result, number):
             unit, factor = human_unit(known.value, kind_of_quantity(known.name))
-            low, high = known.low / factor, known.high / factor
-            row = {
-                "quantity": known.name,
-                "value": known.value / factor,
-                "low": low,
-                "high": high,
-                "unit": unit,
-            }
-            rows.append(row | ({"curve": number + 1} if len(result.curves) > 1 else {}))
+            ends = {end: getattr(known, end) / factor for end in ("value", "low", "high")}
+            own = {"curve": number + 1} if len(result.curves) > 1 else {}
+            rows.append({"quantity": known.name, **ends, "unit": unit, **own})
     return pd.DataFrame(rows)
 
 
@@ -107,16 +99,10 @@ def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
     of the tip. Empty for a scene without a substrate, for a tip that is neither paraboloid nor sphere, and for
     adhesion models other than JKR.
     """
-    radius, adhesion = scene.parameters.get("indenter.radius"), scene.adhesion
-    rounded = scene.indenter.shape in ("paraboloid", "sphere")
-    if (
-        radius is None
-        or adhesion is None
-        or adhesion.model != "jkr"
-        or not rounded
-        or scene.substrate is None
-    ):
+    rounded = scene.indenter.shape in ("paraboloid", "sphere") and scene.substrate is not None
+    if not rounded or scene.adhesion is None or scene.adhesion.model != "jkr":
         return ""
+    radius = scene.parameters["indenter.radius"]
     read, work = pull_off_force / (_HALF_SPACE * math.pi * radius), scene.parameters["adhesion.work"]
     return (
         f"Read from this pull-off force as 3/2 pi R w, which holds on a half-space, the work of adhesion would be "

@@ -6,27 +6,25 @@ value, and no text is interpreted: nothing that came from another file can becom
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import io
 import math
 import os
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from underlay._files import write_atomic
+from underlay._files import require_writable_folder, write_atomic
 from underlay._text import one_line
 from underlay._version import VERSION
 from underlay.errors import InputError, missing_extra
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.population.result import Population
-from underlay.mechanics.solver import Solver
 from underlay.quantities import curve_of, numbers_of, path_of
 from underlay.report.tables import fit_table
 from underlay.scene.noise import NoiseModel
@@ -37,21 +35,10 @@ if TYPE_CHECKING:
 
     from underlay.data.curve import Curve
 
-__all__ = [
-    "MOST_ROWS",
-    "excel_bytes",
-    "excel_library",
-    "excel_sheets",
-    "result_rows",
-    "workbook",
-    "write_excel",
-]
-
 #: Rows of a sheet under its header, as the format allows; and letters of a cell.
 MOST_ROWS, _LONGEST = 1_048_575, 32_767
-_WIDEST, _MARGIN = 60, 2
-# Rows of which the widths of columns are taken.
-_LOOKED_AT = 200
+# Pixels of the widest column.
+_WIDEST = 425
 _OPTIONS = {
     "in_memory": True,
     "strings_to_formulas": False,
@@ -68,18 +55,28 @@ _WHICH = ("name", "path", "sha256", "x", "y", "status", "verdict", "reason", "de
 _VERSION = pd.DataFrame({"setting": ["underlay", "units"], "value": [VERSION, "SI: m, N, Pa, s"]})
 
 
-def excel_library() -> ModuleType:
-    """Import and return ``xlsxwriter``, the library that writes Excel files.
+def excel_path(path: str | os.PathLike[str]) -> Path:
+    """Return `path`, checked to be one that an Excel file can be written to.
 
     Raises
     ------
+    InputError
+        If it does not end in ``.xlsx``.
     MissingExtraError
-        If it is not installed.
+        If the extra ``excel`` is not installed.
+    FileAccessError
+        If its folder cannot be written.
     """
-    try:
-        return importlib.import_module("xlsxwriter")
-    except ImportError as error:
-        raise missing_extra("an Excel file needs xlsxwriter", "excel") from error
+    if Path(path).suffix.lower() != ".xlsx":
+        raise InputError(f"an Excel file ends in .xlsx; got {Path(path).name!r}")
+    _require_library()
+    require_writable_folder(Path(path).absolute().parent)
+    return Path(path)
+
+
+def _require_library() -> None:
+    if importlib.util.find_spec("xlsxwriter") is None:
+        raise missing_extra("an Excel file needs xlsxwriter", "excel")
 
 
 def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
@@ -95,46 +92,28 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
     InputError
         If a table has more rows than a sheet can hold.
     """
+    _require_library()
+    for name, table in sheets.items():
+        if len(table) > MOST_ROWS:
+            raise InputError(
+                f"a sheet of Excel holds {MOST_ROWS} rows; {name!r} has {len(table)}: write CSV instead"
+            )
     stream = io.BytesIO()
-    with excel_library().Workbook(stream, _OPTIONS) as book:
-        head = book.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+    with pd.ExcelWriter(stream, engine="xlsxwriter", engine_kwargs={"options": _OPTIONS}) as book:
         for name, table in sheets.items():
-            if len(table) > MOST_ROWS:
-                raise InputError(
-                    f"a sheet of Excel holds {MOST_ROWS} rows; {name!r} has {len(table)}: write CSV instead"
-                )
-            _fill(book.add_worksheet(name), table, head)
+            cells = table.rename(columns=_cell).astype(object).map(_cell)
+            cells.to_excel(book, sheet_name=name, index=False, freeze_panes=(1, 0))
+            book.sheets[name].autofit(_WIDEST)
     return stream.getvalue()
 
 
-def _fill(sheet: Any, table: pd.DataFrame, head: Any) -> None:
-    sheet.freeze_panes(1, 0)
-    for column, name in enumerate(table.columns):
-        values = table.iloc[:, column].tolist()
-        sheet.write_string(0, column, one_line(name, _LONGEST), head)
-        sheet.set_column(column, column, _width(str(name), values[:_LOOKED_AT]))
-        for row, value in enumerate(values, start=1):
-            _write(sheet, row, column, value)
-
-
-def _write(sheet: Any, row: int, column: int, value: Any) -> None:
-    """Write one cell by the type of its value: text is never interpreted as a number, formula or link."""
-    if isinstance(value, bool):
-        sheet.write_boolean(row, column, value)
-    elif isinstance(value, Real):
-        if math.isfinite(value):
-            sheet.write_number(row, column, float(value))
-        elif math.isinf(value):
-            sheet.write_string(row, column, "open")
-    elif value is not None and value is not pd.NA:
-        sheet.write_string(row, column, one_line(value, _LONGEST))
-
-
-def _width(name: str, values: list[Any]) -> float:
-    words = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
-    # A long name is wrapped, a long text runs on.
-    longest = max([*(len(word) for word in words), min(len(name), _WIDEST // 4)], default=0)
-    return float(min(_WIDEST, longest + _MARGIN))
+def _cell(value: Any) -> Any:
+    """Return a value as its cell: a number, a text of one line, ``open`` for infinity, None for what is missing."""
+    if isinstance(value, float) and math.isinf(value):
+        return "open"
+    if isinstance(value, Real) or pd.isna(value):
+        return value
+    return one_line(value, _LONGEST)
 
 
 def result_rows(result: Fit) -> pd.DataFrame:
@@ -150,12 +129,11 @@ def result_rows(result: Fit) -> pd.DataFrame:
         parameter that several curves share, a column is empty where the curves differ.
     """
     table = fit_table(result)
-    told = [_about(result, number) for number in range(len(result.curves))]
-    rows = []
-    for name in table["parameter"]:
-        curve = curve_of(name)
-        rows.append(told[curve] if curve is not None else _common(told))
-    about = pd.DataFrame(rows, index=table.index)
+    told = pd.DataFrame([_about(result, number) for number in range(len(result.curves))], dtype=object)
+    common = told.iloc[0].where(told.eq(told.iloc[0]).all() | told.isna().all(), None)
+    curves = map(curve_of, table["parameter"])
+    about = pd.DataFrame([common if curve is None else told.loc[curve] for curve in curves])
+    about = about.set_axis(table.index).infer_objects()
     about.insert(0, "verdict", result.verdict.word)
     about.insert(1, "reasons", one_line("; ".join(result.verdict.reasons)))
     about.insert(2, "cause", one_line(result.verdict.cause))
@@ -196,29 +174,13 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
     }
 
 
-def _common(told: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return per column the value that all curves share, and None where they differ.
-
-    `told` holds one mapping of column name to value for each curve.
-    """
-    return {
-        key: value if all(_same(value, other[key]) for other in told) else None
-        for key, value in told[0].items()
-    }
-
-
-def _same(first: Any, second: Any) -> bool:
-    both_none = isinstance(first, float) and isinstance(second, float) and math.isnan(first + second)
-    return bool(first == second) or both_none
-
-
 def _setting_rows(result: Fit) -> pd.DataFrame:
     """Return all settings that repeat a fit, a row each (``setting``, ``value``).
 
     They are the scenes as text, priors, noise, solver, files and versions.
     """
     problem, record = result.problem, result.provenance
-    rows: list[tuple[str, str]] = [("solver", _solver(result.solver))]
+    rows: list[tuple[str, str]] = [("solver", f"{result.solver.label}: {result.solver!r}")]
     rows += [(f"free: {name}", repr(prior)) for name, prior in problem.priors.items()]
     rows += [("shared by all curves", ", ".join(problem.shared))] if problem.shared else []
     rows.append(("noise", _noise(problem.noise)))
@@ -231,10 +193,6 @@ def _setting_rows(result: Fit) -> pd.DataFrame:
         ]
     rows += [(f"version of {name}", version) for name, version in record["versions"].items()]
     return pd.DataFrame([(name, one_line(text)) for name, text in rows], columns=["setting", "value"])
-
-
-def _solver(solver: Solver) -> str:
-    return f"{solver.label}: {solver!r}"
 
 
 def _noise(given: Any) -> str:
@@ -313,9 +271,7 @@ def write_excel(
     FileAccessError
         If the file cannot be written.
     """
-    if Path(path).suffix.lower() != ".xlsx":
-        raise InputError(f"an Excel file ends in .xlsx; got {Path(path).name!r}")
-    return write_atomic(path, excel_bytes(*results, settings=settings))
+    return write_atomic(excel_path(path), excel_bytes(*results, settings=settings))
 
 
 def excel_bytes(*results: _Reported, settings: Mapping[str, str] | None = None) -> bytes:

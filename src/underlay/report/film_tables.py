@@ -6,32 +6,25 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from underlay._csv import csv_text
-from underlay._files import write_atomic
 from underlay._version import VERSION
 from underlay.report import plots
+from underlay.report.details import write_all
 from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
 
-__all__ = ["film_by_depth", "film_moduli", "film_notes", "film_table", "write_film"]
-
-_UNITS = {
-    "depth": "m",
-    "contact radius": "m",
-    "stiffness": "N/m",
-    "fitted stiffness": "N/m",
-    "noise": "N/m",
-    "half-space modulus": "Pa",
-    "layer modulus": "Pa",
-    "layer modulus noise": "Pa",
+_COLUMNS = {
+    "m": ("depth", "contact radius"),
+    "N/m": ("stiffness", "fitted stiffness", "noise"),
+    "Pa": ("half-space modulus", "layer modulus", "layer modulus noise"),
 }
 
 
@@ -40,14 +33,12 @@ def film_table(found: StiffnessFit) -> pd.DataFrame:
     rows = []
     for name, value in found.values.items():
         low, high, kind = found.low[name], found.high[name], kind_of(name)
-        ends = " to ".join(format_ends(low, high, kind))
+        ends = " to ".join(format_ends(low, high, kind)) if math.isfinite(high) else "no scatter in the file"
         rows.append(
             {
                 "parameter": name,
                 "value": format_quantity(value, kind),
-                "95 % interval (a test as a whole)": ends
-                if math.isfinite(high)
-                else "no scatter in the file",
+                "95 % interval (a test as a whole)": ends,
                 "1 % more area": f"{found.area_sensitivity[name]:+.2f} %",
             }
         )
@@ -87,12 +78,6 @@ def film_moduli(found: StiffnessFit) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def film_by_depth(found: StiffnessFit) -> pd.DataFrame:
-    """Return the table of stiffnesses and moduli, a row per depth (SI), with the unit in each column name."""
-    units = {name: f"{name} ({unit})" for name, unit in _UNITS.items()}
-    return found.table.rename(columns=units)
-
-
 def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
     """Return sentences on the scatter about the fitted trend with depth and, for a `perfect` cone, on its bias.
 
@@ -108,8 +93,7 @@ def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
 
 def write_film(found: StiffnessFit, folder: Path, stem: str) -> list[Path]:
     """Write both tables (CSV) and the picture (PNG) of a film; return the paths of the three files."""
-    return [
-        write_atomic(folder / f"{stem}.film.csv", csv_text(film_moduli(found))),
-        write_atomic(folder / f"{stem}.film.depths.csv", csv_text(film_by_depth(found))),
-        plots.save(plots.film(found), folder / f"{stem}.film.png"),
-    ]
+    units = {name: f"{name} ({unit})" for unit, names in _COLUMNS.items() for name in names}
+    tables = {"csv": film_moduli(found), "depths.csv": found.table.rename(columns=units)}
+    files = {f"{stem}.film.{name}": table for name, table in tables.items()}
+    return write_all(folder, {**files, f"{stem}.film.png": partial(plots.film, found)})

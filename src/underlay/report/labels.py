@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import curve_of, path_of
 from underlay.scene.parameters import declared
-
-__all__ = ["is_of_the_sample", "label", "labelled", "start", "symbol"]
 
 # Parameters are paths: words, dots, and numbers in brackets. What else a file may hold in place of one could mean
 # something to Markdown, or to the formulas of a picture.
@@ -43,15 +42,11 @@ def _words(path: str) -> str:
     if not known.label:
         return _FOREIGN.sub("?", path)
     number = _INDEX.search(last)
-    words = known.label.format(part=_part(_FOREIGN.sub("?", place)))
+    # The part of a scene that the path leads to: "layer"; "layer 2" of "substrate.layers[0]".
+    part, _, inner = _FOREIGN.sub("?", place).partition(".")
+    deeper = _INDEX.search(inner)
+    words = known.label.format(part=f"layer {int(deeper[1]) + 2}" if deeper else part)
     return f"{words} (term {int(number[1]) + 1})" if number else words
-
-
-def _part(place: str) -> str:
-    """Name the part of a scene that a path leads to: ``"layer"``; ``"substrate.layers[0]"`` -> ``"layer 2"``."""
-    whole, _, inner = place.partition(".")
-    number = _INDEX.search(inner)
-    return f"layer {int(number[1]) + 2}" if number else whole
 
 
 def symbol(name: str) -> str:
@@ -69,6 +64,12 @@ def symbol(name: str) -> str:
     elif path.startswith("substrate."):
         letter = f"{letter}_2"
     return letter if curve is None else f"{letter}^{{({curve + 1})}}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence: ``"a, b and c"``."""
+    *first, last = names or ("nothing",)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def is_of_the_sample(name: str) -> bool:

@@ -2,14 +2,14 @@
 
 Undetermined are: which of several optima holds (`rivals`), parameters that only a second test would fix (`advice`),
 and whether a face is bonded or free to slip (`bonds_sentences`). Against a result speak doubts about its curve
-(`quality_doubts`) and warnings of the file reader, the fit and the contact laws (`reservations`). `distinct_scenes`
+(`quality_doubts`). `distinct_scenes`
 groups the curves of a joint fit, so that a report draws and lists each scene once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from underlay.data.quality import check_quality
 from underlay.errors import UnderlayError
 from underlay.inference.design.second_test import remedy
 from underlay.inference.profiles import interval_threshold
-from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.labels import is_of_the_sample, label, listed, start
 from underlay.report.screen import answer_text
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -26,19 +26,8 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.compare import BondComparison
-    from underlay.inference.least_squares.fit_result import Alternative, Fit
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.problem import Problem
-
-__all__ = [
-    "DistinctScene",
-    "advice",
-    "bonds_sentences",
-    "distinct_scenes",
-    "quality_doubts",
-    "reservations",
-    "rival_name",
-    "rivals",
-]
 
 _LEVEL = 0.95
 _ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
@@ -102,15 +91,10 @@ def distinct_scenes(scenes: Sequence[Scene], curves: Sequence[Curve]) -> tuple[D
             members, key=lambda i: float(curves[i].depth.max()) - scenes[i].instrument.contact_depth
         )
         numbers = tuple(number + 1 for number in members)
-        label = _label(numbers) if len(groups) > 1 else ""
+        name = f"curve{'s' if len(numbers) > 1 else ''} {listed([str(number) for number in numbers])}"
+        label = name if len(groups) > 1 else ""
         found.append(DistinctScene(scenes[deepest], numbers, float(curves[deepest].depth.max()), label))
     return tuple(found)
-
-
-def _label(numbers: tuple[int, ...]) -> str:
-    if len(numbers) == 1:
-        return f"curve {numbers[0]}"
-    return f"curves {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
 
 
 def rivals(result: Fit) -> list[str]:
@@ -121,9 +105,22 @@ def rivals(result: Fit) -> list[str]:
     ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
     chi-square higher by 3.6. The intervals reach over it too; a posterior shows how far they can be trusted."``
     """
-    return [
-        _rival_sentence(result, other, rival_name(place)) for place, other in enumerate(result.alternatives)
-    ]
+    sentences = []
+    for place, other in enumerate(result.alternatives):
+        shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
+        numbers = ", ".join(
+            f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
+        )
+        nearly = "" if other.delta_chi_square <= interval_threshold(result, _LEVEL) else "nearly "
+        inside = all(other.values[path] in result.interval(path, _LEVEL) for path in shown)
+        reach = "reach over it too" if inside else "stop short of it"
+        # With two optima intervals from chi-square hold the truth less often than they say.
+        sentences.append(
+            f"A {rival_name(place)} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
+            f"{other.delta_chi_square:.2g}. The intervals {reach}; a posterior shows how far they can "
+            "be trusted."
+        )
+    return sentences
 
 
 def advice(result: Fit) -> list[str]:
@@ -150,22 +147,6 @@ def advice(result: Fit) -> list[str]:
 def rival_name(place: int) -> str:
     """Return the ordinal of an entry of `Fit.alternatives` (from 0) among all optima: ``"second"`` for entry 0."""
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
-
-
-def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
-    shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
-    numbers = ", ".join(
-        f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
-    )
-    nearly = "" if other.delta_chi_square <= interval_threshold(result, _LEVEL) else "nearly "
-    inside = all(other.values[path] in result.interval(path, _LEVEL) for path in shown)
-    reach = "reach over it too" if inside else "stop short of it"
-    # With two optima intervals from chi-square hold the truth less often than they say.
-    return (
-        f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.delta_chi_square:.2g}. The intervals {reach}; a posterior shows how far they can "
-        "be trusted."
-    )
 
 
 def bonds_sentences(told: BondComparison) -> list[str]:
@@ -219,14 +200,3 @@ def quality_doubts(problem: Problem, *, require: bool = True) -> list[str]:
             quality.require()
         doubts += quality.reasons
     return list(dict.fromkeys(doubts))
-
-
-def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
-    """Return the notes of the file reader, then the warnings of the fit, then `notes`.
-
-    The warning of a second optimum is left out: reports state it beside the headline.
-    """
-    reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-
-    fitted = [str(warning) for warning in result.warnings if warning.code != "second-optimum"]
-    return [*reader, *fitted, *notes]

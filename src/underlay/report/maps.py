@@ -17,43 +17,18 @@ from underlay.errors import InputError
 from underlay.inference.batch.decisions import (
     ACCEPT,
     REFUSE,
-    is_map,
-    read_map,
-    without_refused,
 )
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
+from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.uncertainty.answer import NORMAL_95, Advice
 from underlay.report.labels import label
 from underlay.report.screen import interval_text, line, name_of, verdict_lines
-from underlay.report.tables import facts_table, labelled_table, source_rows
+from underlay.report.tables import labelled_table, provenance_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
-
-__all__ = [
-    "columns_to_draw",
-    "comparison_table",
-    "decision_table",
-    "decision_words",
-    "errors_in_words",
-    "failure_table",
-    "group_table",
-    "has_positions",
-    "is_map",
-    "map_provenance_table",
-    "means_in_words",
-    "of_map",
-    "parameter_table",
-    "population_lines",
-    "population_tables",
-    "population_verdict",
-    "read_map",
-    "sample_parameters",
-    "shared_error_words",
-    "without_refused",
-]
 
 # More rows than this are looked up in the table itself.
 _LISTED = 50
@@ -81,10 +56,12 @@ def has_positions(table: pd.DataFrame) -> bool:
 
 def columns_to_draw(table: pd.DataFrame) -> list[str]:
     """Return the parameter columns of the sample to draw as maps by position; empty without positions."""
-    if not has_positions(table):
-        return []
-    columns = [name for name in sample_parameters(table) if name in table.columns]
-    return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
+    return known_parameters(table) if has_positions(table) else []
+
+
+def known_parameters(table: pd.DataFrame) -> list[str]:
+    """Return the columns of `sample_parameters` with a finite value at one site or more."""
+    return [name for name in sample_parameters(table) if np.isfinite(table[name].to_numpy(float)).any()]
 
 
 def errors_in_words(table: pd.DataFrame) -> str:
@@ -103,11 +80,9 @@ def errors_in_words(table: pd.DataFrame) -> str:
 def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per parameter of the sample, as text: median and spread of the sites, median standard error."""
     rows = []
-    for name in sample_parameters(table):
+    for name in known_parameters(table):
         values = table[name].to_numpy(dtype=float)
         known = values[np.isfinite(values)]
-        if not known.size:
-            continue
         middle, low, high = (float(value) for value in np.quantile(known, _MIDDLE))
         share = (
             np.nanmedian(standard_errors(table, name) / np.abs(values))
@@ -159,36 +134,28 @@ def decision_table(table: pd.DataFrame) -> pd.DataFrame:
 
     More than 50 are counted in a last row.
     """
-    decided = _decisions(table)
-    rows = [
-        {"curve": str(row["name"]), "decision": str(row["decision"]), "why": _words(row["decision_reason"])}
-        for row in decided[:_LISTED].to_dict("records")
-    ]
-    if len(decided) > _LISTED:
-        rows.append({"curve": f"and {len(decided) - _LISTED} more", "decision": "", "why": "see the table"})
-    return labelled_table(rows or [{"curve": "none", "decision": "", "why": ""}])
+    return _first_of(_decisions(table).set_axis(["curve", "decision", "why"], axis=1), "")
 
 
 def _decisions(table: pd.DataFrame) -> pd.DataFrame:
-    if "decision" not in table.columns:
-        return table.iloc[:0]
-    return table[table["decision"].isin([ACCEPT, REFUSE])]
+    decided = table.reindex(columns=["name", "decision", "decision_reason"])
+    return decided[decided["decision"].isin([ACCEPT, REFUSE])]
 
 
-def _words(cell: object) -> str:
-    return cell if isinstance(cell, str) else ""
+def _first_of(table: pd.DataFrame, otherwise: str) -> pd.DataFrame:
+    """Return the first 50 rows of a table as text, the others counted; `otherwise` stands where there are none."""
+    between = [""] * (table.shape[1] - 2)
+    rows = table[:_LISTED].fillna("").astype(str).to_numpy().tolist()
+    if len(table) > _LISTED:
+        rows.append([f"and {len(table) - _LISTED} more", *between, "see the table"])
+    rows = rows or [["none", *between, otherwise]]
+    return labelled_table([dict(zip(table.columns, row, strict=True)) for row in rows])
 
 
 def failure_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return the curves without a fit, each with the reason, as text; more than 50 are counted in a last row."""
-    failed = table[table["status"] != FITTED]
-    rows = [
-        {"curve": str(name), "reason": str(reason)}
-        for name, reason in zip(failed["name"][:_LISTED], failed["reason"][:_LISTED], strict=True)
-    ]
-    if len(failed) > _LISTED:
-        rows.append({"curve": f"and {len(failed) - _LISTED} more", "reason": "see the table"})
-    return labelled_table(rows or [{"curve": "none", "reason": "every curve was fitted"}])
+    failed = table.loc[table["status"] != FITTED, ["name", "reason"]]
+    return _first_of(failed.set_axis(["curve", "reason"], axis=1), "every curve was fitted")
 
 
 def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
@@ -199,10 +166,11 @@ def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: 
     FileAccessError
         If one of the files cannot be read.
     """
-    rows = source_rows(files) | {"curves": str(len(table))}
+    versions = version_record(("underlay", "numpy", "scipy", "pandas"))
+    rows = {"curves": str(len(table))}
     if "seconds" in table.columns:
         rows["time of all fits"] = f"{float(table['seconds'].sum()):.3g} s"
-    return facts_table({**rows, **facts})
+    return provenance_table({"curves": [], "versions": versions}, {**rows, **facts}, *files)
 
 
 def of_map(table: pd.DataFrame) -> Population | str:

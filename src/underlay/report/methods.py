@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from underlay._version import VERSION
 from underlay.inference.citation import Work, work
 from underlay.mechanics.body import RIGID
 from underlay.quantities import numbers_of
-from underlay.report.labels import label, labelled, start
+from underlay.report import screen
+from underlay.report.labels import label, labelled, listed, start
 from underlay.report.scene_tables import number_rows
-from underlay.report.screen import (
-    assumed_inputs,
-    by_depth_words,
-    name_of,
-    source_words,
-    told_names,
-    written,
-)
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -26,8 +19,6 @@ if TYPE_CHECKING:
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
     from underlay.scene.scene import Scene
-
-__all__ = ["cited_works", "listed", "methods_paragraph", "references", "sample_words", "tip_words"]
 
 _LAWS = {
     "exact": "the exact solution of the contact problem",
@@ -65,11 +56,6 @@ def sample_words(scene: Scene) -> str:
     return f"{what} {bond if len(scene.layers) == 1 else 'on'} {under}"
 
 
-def references(fit: Fit) -> list[Work]:
-    """Return the works that the methods paragraph of a fit cites, this program first."""
-    return cited_works(fit.used)
-
-
 def cited_works(used: Mapping[str, str]) -> list[Work]:
     """Return the works to cite for an analysis.
 
@@ -82,12 +68,6 @@ def cited_works(used: Mapping[str, str]) -> list[Work]:
     return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return names as a list in a sentence: ``"a, b and c"``."""
-    *first, last = names or ("nothing",)
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def methods_paragraph(
     fit: Fit, by_depth: PointwiseModulus | None = None, half_space: Fit | None = None
 ) -> str:
@@ -95,8 +75,11 @@ def methods_paragraph(
 
     `by_depth` (modulus at each depth) and `half_space` (the fit without the substrate) add a sentence each.
     """
-    sentences = [_model(fit), _parameters(fit), *_numbers(fit)]
-    if by_depth is not None and (trend := by_depth_words(by_depth)):
+    answers = [fit.answer(name) for name in screen.told_names(fit)]
+    # The first number also states the sources of its uncertainty.
+    numbers = [_number(known, whole=place == 0) for place, known in enumerate(answers)]
+    sentences = [_model(fit), _parameters(fit), *numbers]
+    if by_depth is not None and (trend := screen.by_depth_words(by_depth)):
         sentences.append(f"Read from the force at each depth the modulus was {trend}.")
     if half_space is not None:
         value = format_quantity(half_space.values["layer.E"], "pressure")
@@ -112,7 +95,7 @@ def _model(fit: Fit) -> str:
         "A force-indentation curve was" if number == 1 else f"{number} force-indentation curves were jointly"
     )
     law = _LAWS.get(fit.statistics.law_method, f"the contact model {fit.statistics.law_method}")
-    after = ", ".join(f"[{n}]" for n in range(2, len(references(fit)) + 1))
+    after = ", ".join(f"[{n}]" for n in range(2, len(cited_works(fit.used)) + 1))
     cited = f"underlay {VERSION} [1]{f'; after {after}' if after else ''}"
     return f"{curves} fitted with {law} for a {tip_words(scene)}, on {sample_words(scene)} ({cited})."
 
@@ -130,7 +113,7 @@ def _parameters(fit: Fit) -> str:
     if fit.scene.substrate is not None and "layer.thickness" not in fit.names:
         thick = format_quantity(fit.scene.layer.thickness, "length")
         fixed["layer.thickness"] = f"layer thickness ({thick})"
-    assumed = assumed_inputs(fit.curves)
+    assumed = screen.assumed_inputs(fit.curves)
     given = [words for path, words in fixed.items() if path not in assumed]
     guessed = [fixed.get(path, label(path)) for path in assumed]
     told = [(free, len(fit.names), "fitted")]
@@ -140,17 +123,11 @@ def _parameters(fit: Fit) -> str:
     return f"{start(said)}."
 
 
-def _numbers(fit: Fit) -> list[str]:
-    """Return one sentence per number of the sample; the first one also states the sources of its uncertainty."""
-    found = [fit.answer(name) for name in told_names(fit)]
-    return [_number(known, whole=place == 0) for place, known in enumerate(found)]
-
-
 def _number(known: Answer, *, whole: bool) -> str:
-    name, letter = label(known.name), name_of(known.name)[1]
+    name, letter = label(known.name), screen.name_of(known.name)[1]
     if known.is_open:
         return f"The {name} was not determined."
-    one = written(known)
+    one = screen.written(known)
     kind = "expanded uncertainty, k = 2, about 95 %" if "±" in one.number else f"{one.level} interval"
     text = f"The {name} was {letter} = {one.number} {one.unit}".rstrip()
     if not whole:
@@ -165,6 +142,6 @@ def _sources(known: Answer) -> str:
     rows = [row for row in known.contributions if row.share >= _SMALL and row.origin != "seen"][:_NAMED]
     if not rows:
         return ""
-    assumed = [source_words(row.source) for row in rows if row.origin == "assumed"]
+    assumed = [screen.source_words(row.source) for row in rows if row.origin == "assumed"]
     note = f"; the uncertainty of {listed(assumed)} was assumed" if assumed else ""
-    return f" ({listed([source_words(row.source) for row in rows])}{note})"
+    return f" ({listed([screen.source_words(row.source) for row in rows])}{note})"

@@ -6,6 +6,8 @@ cell; the text between two of them becomes a Markdown cell.
 A placeholder such as ``${title}`` stands for data. The template is split into cells before placeholders are filled,
 so that no data can begin or end a cell. In code a placeholder becomes the Python literal of its value, in Markdown
 one line of text without markup.
+
+The notebook runs in a process of its own: ``python -m underlay.report.notebook FOLDER -f CONNECTION``.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -25,11 +27,13 @@ from typing import Any, NamedTuple
 from underlay._files import write_atomic
 from underlay._text import one_line
 from underlay.errors import FitError, missing_extra
-from underlay.report.notices import markdown_text
 
-__all__ = ["Cell", "execute", "filled", "import_path", "make_notebook", "write_notebook"]
-
-_FENCE = re.compile(r"^```python\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
+_FENCE = re.compile(r"^```python\n(.*?)^```\s*$", re.DOTALL | re.MULTILINE)
+# Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
+# as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
+# if it were written as an entity: only code is left alone there.
+_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<![^\W_])_|_(?![^\W_])|(?<=:)/|(?<=www)\.", re.IGNORECASE)
+_MATHEMATICS = re.compile(r"[$\\]+")
 # Letters: the longest file name has 255.
 _LONGEST = 300
 # A cell that takes longer than this hangs; the slowest cell of a template takes seconds.
@@ -100,9 +104,11 @@ def filled(template: str, values: Mapping[str, str]) -> tuple[Cell, ...]:
     text = (resources.files("underlay.report") / "templates" / f"{template}.md").read_text(encoding="utf-8")
     in_code = {name: repr(value) for name, value in values.items()}
     in_words = {name: markdown_text(value, _LONGEST) for name, value in values.items()}
+    # What the pattern captures, the code, stands at the odd places.
+    cells = [Cell(part.strip(), code=bool(place % 2)) for place, part in enumerate(_FENCE.split(text))]
     return tuple(
         Cell(Template(cell.source).substitute(in_code if cell.code else in_words), cell.code)
-        for cell in _cells(text)
+        for cell in cells
         if cell.source
     )
 
@@ -124,16 +130,6 @@ def make_notebook(cells: tuple[Cell, ...], title: str) -> Any:
         entry["id"] = f"cell-{number}"
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return v4.new_notebook(cells=made, metadata={**kernel, "title": one_line(title, _LONGEST)})
-
-
-def _cells(text: str) -> Iterator[Cell]:
-    """Split the text of a template into Markdown and code cells, in turn; a Markdown cell may be empty."""
-    end = 0
-    for fence in _FENCE.finditer(text):
-        yield Cell(text[end : fence.start()].strip())
-        yield Cell(fence["code"].strip("\n"), code=True)
-        end = fence.end()
-    yield Cell(text[end:].strip())
 
 
 def execute(notebook: Any, folder: Path) -> Any:
@@ -202,7 +198,7 @@ def _kernel_manager(own: str, folder: Path) -> Any:
     """
     manager = report_library("jupyter_client.manager")
     spec = report_library("jupyter_client.kernelspec")
-    command = [sys.executable, "-m", "underlay.report.kernel", os.fspath(folder), "-f", "{connection_file}"]
+    command = [sys.executable, "-m", "underlay.report.notebook", os.fspath(folder), "-f", "{connection_file}"]
     # All that the two say to each other stays in a folder of their own.
     kernel = manager.AsyncKernelManager(connection_file=os.path.join(own, "kernel.json"))  # noqa: PTH118  a name
     if os.name == "posix":
@@ -210,3 +206,37 @@ def _kernel_manager(own: str, folder: Path) -> Any:
         kernel.transport, kernel.ip = "ipc", os.path.join(own, "kernel")  # noqa: PTH118  a prefix, not a file
     kernel._kernel_spec = spec.KernelSpec(argv=command, display_name="underlay", language="python")  # noqa: SLF001  no public way to name a command
     return kernel
+
+
+def markdown_text(text: object, longest: int | None = None) -> str:
+    """Return `text` as one line of Markdown that shows it literally: no markup, no link, no formula.
+
+    Parameters
+    ----------
+    text : object
+        Text from a file, or a name.
+    longest : int, optional
+        Number of characters to which it is cut; as in `one_line`.
+    """
+    plain = _MARKS.sub(lambda mark: f"&#{ord(mark[0])};", one_line(text, longest))
+    return _MATHEMATICS.sub(lambda mark: f"`{mark[0]}`", plain)
+
+
+def _run_kernel(folder: str, *told: str) -> None:
+    """Run the Jupyter kernel of one notebook in `folder`, until it is ended; `told` are the kernel's arguments.
+
+    The process was started in an empty folder: no module in `folder` is imported, no file there read as a setting.
+    """
+    # matplotlib takes its settings from the folder in which it is first imported: here the empty one.
+    import matplotlib as mpl  # noqa: F401, PLC0415  its settings
+    from ipykernel.kernelapp import IPKernelApp  # noqa: PLC0415  this process alone
+
+    os.chdir(folder)
+    # The folder is not put on the path, nor is what a user's own sessions remember.
+    IPKernelApp.launch_instance(
+        [*told, "--InteractiveShellApp.ignore_cwd=True", "--HistoryManager.enabled=False"]
+    )
+
+
+if __name__ == "__main__":
+    _run_kernel(*sys.argv[1:])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,13 +17,11 @@ from underlay._door import FileKind, read_bytes
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import FileAccessError, InputError, MissingExtraError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.report.page import today
+from underlay.report.page import Page, today
 
 if TYPE_CHECKING:
     from underlay.inference.problem import Problem
     from underlay.inference.sampling.posterior import Posterior
-
-__all__ = ["page_path", "report"]
 
 _PDF = ".pdf"
 _PRINTED = FileKind("a PDF", 200_000_000, "print the HTML page to a file")
@@ -85,7 +82,7 @@ def report(
     """
     target = page_path(path)
     browser = _browser() if pdf or target.suffix.lower() == _PDF else ""
-    html = _page(result, problem, (command, [Path(file) for file in files])).html(opened=details)
+    html = _page(result, problem, command, [Path(file) for file in files]).html(opened=details)
     if target.suffix.lower() == _PDF:
         return _printed(html, target, browser)
     write_atomic(target, html)
@@ -94,48 +91,28 @@ def report(
     return target
 
 
-def _page(result: Any, problem: Problem | None, origin: tuple[str, list[Path]]) -> Any:
-    """Return the page object (FitPage, MapPage or PosteriorPage) for the type of `result`.
-
-    `origin` is the command line that repeats it, and the files to list.
-    """
-    day = today()
+def _page(result: Any, problem: Problem | None, command: str, files: list[Path]) -> Page[Any]:
+    """Return the page for the type of `result`; only the pictures of that one are loaded."""
     if isinstance(result, Fit):
-        from underlay.report.page_fit import FitPage  # noqa: PLC0415  pictures of what is reported alone
+        from underlay.report.page_fit import FitPage  # noqa: PLC0415  see above
 
-        return FitPage(result, day, origin[0])
+        return FitPage(result, today(), command)
     if isinstance(result, pd.DataFrame):
-        from underlay.report.page_map import MapPage  # noqa: PLC0415
+        from underlay.report.page_map import MapPage  # noqa: PLC0415  see above
 
-        return MapPage(result, day, *origin)
-    if not _is_posterior(result):
+        return MapPage(result, today(), command, files)
+    from underlay.inference.sampling.posterior import Posterior  # noqa: PLC0415  see above
+    from underlay.report.page_posterior import PosteriorPage  # noqa: PLC0415  see above
+
+    if not isinstance(result, Posterior):
         raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")
-    from underlay.report.page_posterior import PosteriorPage  # noqa: PLC0415
-
     if problem is not None:
-        require_same_parameters(result, problem)
+        if problem.names != result.names:
+            raise InputError(
+                f"this posterior is of {', '.join(result.names)}; the problem frees {', '.join(problem.names)}"
+            )
         result = replace(result, problem=problem, missing="")
-    return PosteriorPage(result, day, *origin)
-
-
-def _is_posterior(result: object) -> bool:
-    """Return whether `result` is a Posterior, without importing the module of the class."""
-    module = sys.modules.get("underlay.inference.sampling.posterior")
-    return module is not None and isinstance(result, module.Posterior)
-
-
-def require_same_parameters(posterior: Posterior, problem: Problem) -> None:
-    """Raise an error for a problem whose free parameters are not those of the posterior.
-
-    Raises
-    ------
-    InputError
-        If its free parameters are others.
-    """
-    if problem.names != posterior.names:
-        raise InputError(
-            f"this posterior is of {', '.join(posterior.names)}; the problem frees {', '.join(problem.names)}"
-        )
+    return PosteriorPage(result, today(), command, files)
 
 
 def page_path(path: str | os.PathLike[str]) -> Path:

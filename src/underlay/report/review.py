@@ -31,14 +31,13 @@ from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, as_solver
 from underlay.report.labels import label, start
 from underlay.report.maps import errors_in_words, sample_parameters
+from underlay.report.page import document, tag, words
 from underlay.report.plots.style import unit_of
 from underlay.report.screen import interval_text
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 from underlay.units import format_quantity
-
-__all__ = ["Card", "Small", "review_cards", "small_picture", "write_review"]
 
 # Pixels: width, height of the curve, gap, height of the residuals; margins for the words.
 _WIDTH, _CURVE, _GAP, _STRIP = 250, 120, 30, 34
@@ -84,46 +83,43 @@ def small_picture(curve: Small, alt: str) -> str:
         shown &= curve.depth >= curve.contact - _BEFORE * (deepest - curve.contact)
     if not shown.any():
         return f'<svg role="img" aria-label="{alt}: no points" width="{_WIDTH}" height="20"></svg>'
-    step = max(1, int(np.count_nonzero(shown)) // _MOST_POINTS)
-    index = np.flatnonzero(shown)[::step]
+    index = np.flatnonzero(shown)[:: max(1, int(np.count_nonzero(shown)) // _MOST_POINTS)]
     depth, force = curve.depth[index], curve.force[index]
-    x = _scaled(depth, _LEFT, _WIDTH - _LEFT)
     lines = [force] if curve.fit is None else [force, curve.fit[index]]
-    low, high = (float(end) for end in (np.min(lines), np.max(lines)))
-    y = _TOP + _CURVE - _CURVE * (np.array(lines) - low) / ((high - low) or 1.0)
-    parts = [_axes(depth, force), _dots(x, y[0])]
-    height = _TOP + _CURVE + _BOTTOM
+    low, span = float(np.min(lines)), float(np.ptp(lines)) or 1.0
+    x = _LEFT + (_WIDTH - 2 * _LEFT) * (depth - depth.min()) / (float(np.ptp(depth)) or 1.0)
+    y = _TOP + _CURVE - _CURVE * (np.array(lines) - low) / span
+    right, bottom = _WIDTH - _LEFT, _TOP + _CURVE
+    length, metre = unit_of(float(np.ptp(depth)), "length")
+    load, newton = unit_of(float(np.abs(force).max()), "force")
+    parts = [
+        f'<path class="axis" d="M{_LEFT} {_TOP}V{bottom}H{right}"/>',
+        _word(_LEFT + 3, _TOP - 3, f"{float(force.max()) / newton:.3g} {load}"),
+        _word(_LEFT, bottom + 11, f"{float(depth.min()) / metre:.3g}"),
+        _word(right, bottom + 11, f"{float(depth.max()) / metre:.3g} {length}", end=True),
+        _dots(x, y[0]),
+    ]
+    height = bottom + _BOTTOM
     if curve.fit is not None:
         order = np.argsort(depth, kind="stable")
-        parts.append(f'<path class="fit" d="{_path(x[order], y[1][order])}"/>')
+        points = "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[order], y[1][order], strict=True))
         residual = force - curve.fit[index]
         largest = float(np.abs(residual).max()) or 1.0
-        middle = _TOP + _CURVE + _GAP + _STRIP / 2.0
-        parts.append(f'<path class="fit" d="M{_LEFT} {middle:.0f}H{_WIDTH - _LEFT}"/>')
-        parts.append(_dots(x, middle - 0.5 * _STRIP * residual / largest))
+        middle = bottom + _GAP + _STRIP / 2.0
         unit, newton = unit_of(largest, "force")
-        parts.append(
-            _word(_LEFT, middle - _STRIP / 2.0 - 2, f"residual, up to {largest / newton:.2g} {unit}")
-        )
+        parts += [
+            f'<path class="fit" d="M{points}"/>',
+            f'<path class="fit" d="M{_LEFT} {middle:.0f}H{right}"/>',
+            _dots(x, middle - 0.5 * _STRIP * residual / largest),
+            _word(_LEFT, middle - _STRIP / 2.0 - 2, f"residual, up to {largest / newton:.2g} {unit}"),
+        ]
         height += _GAP + _STRIP - _BOTTOM + 8
         if math.isfinite(curve.contact):
-            at = float(_scaled(np.array([depth.min(), curve.contact, depth.max()]), _LEFT, _WIDTH - _LEFT)[1])
-            parts.append(f'<path class="contact" d="M{at:.1f} {_TOP}V{_TOP + _CURVE}"/>')
+            at = float(np.interp(curve.contact, [depth.min(), depth.max()], [_LEFT, right]))
+            parts.append(f'<path class="contact" d="M{at:.1f} {_TOP}V{bottom}"/>')
     return (
         f'<svg role="img" aria-label="{alt}" viewBox="0 0 {_WIDTH} {height}" width="{_WIDTH}" height="{height}">'
         f"{''.join(parts)}</svg>"
-    )
-
-
-def _axes(depth: FloatArray, force: FloatArray) -> str:
-    length, metre = unit_of(float(np.ptp(depth)), "length")
-    load, newton = unit_of(float(np.abs(force).max()), "force")
-    bottom = _TOP + _CURVE
-    return (
-        f'<path class="axis" d="M{_LEFT} {_TOP}V{bottom}H{_WIDTH - _LEFT}"/>'
-        + _word(_LEFT + 3, _TOP - 3, f"{float(force.max()) / newton:.3g} {load}")
-        + _word(_LEFT, bottom + 11, f"{float(depth.min()) / metre:.3g}")
-        + _word(_WIDTH - _LEFT, bottom + 11, f"{float(depth.max()) / metre:.3g} {length}", end=True)
     )
 
 
@@ -135,18 +131,6 @@ def _word(x: float, y: float, text: str, *, end: bool = False) -> str:
 def _dots(x: FloatArray, y: FloatArray) -> str:
     dots = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, y, strict=True))
     return f'<path class="dots" d="{dots}"/>'
-
-
-def _path(x: FloatArray, y: FloatArray) -> str:
-    return "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, y, strict=True))
-
-
-def _scaled(values: FloatArray, low: float, high: float) -> FloatArray:
-    span = float(np.ptp(values)) or 1.0
-    return np.asarray(low + (high - low) * (values - values.min()) / span)
-
-
-_TEMPLATES = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True)
@@ -348,37 +332,32 @@ def _page_name(number: int) -> str:
 
 def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
     groups = [cards[first : first + per_page] for first in range(0, len(cards), per_page)]
-    style = (_TEMPLATES / "page" / "review.css").read_text(encoding="utf-8")
     counts = {word: sum(card.verdict == word for card in cards) for word in _ORDER}
     told = ", ".join(f"{count} {word}" for word, count in counts.items())
     links = " ".join(f'<a href="{_page_name(n)}">{n}</a>' for n in range(1, len(groups) + 1))
     for number, group in enumerate(groups, start=1):
         first = 1 + (number - 1) * per_page
-        body = "\n".join(_article(card, first + n) for n, card in enumerate(group))
-        yield (
-            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-            '<meta name="viewport" content="width=device-width">'
-            '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
-            "style-src 'unsafe-inline'\">"
-            f"<title>Curves to look at, page {number}</title><style>{style}</style></head><body>"
-            f"<h1>{len(cards)} curves, worst first: {told}</h1>"
+        yield document(
+            f"Curves to look at, page {number}",
+            f"<h1>{len(cards)} curves, worst first: {told}</h1>",
             f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{DECISIONS}</b>, "
             "whose rows are in this order; then run the same <code>underlay map</code> again with "
             f"<code>--resume --decisions</code> and the path of that file. Grey: measured; blue: fit; dashed: "
-            f"contact point; below: residuals. {html.escape(errors)}</p>"
-            f"<nav>Page {number} of {len(groups)}: {links}</nav>"
-            f'<div class="grid">\n{body}\n</div></body></html>\n'
+            f"contact point; below: residuals. {words(errors)}</p>",
+            f"<nav>Page {number} of {len(groups)}: {links}</nav>",
+            tag("div", *(_article(card, first + n) for n, card in enumerate(group)), kind="grid"),
+            styles=("review",),
         )
 
 
 def _article(card: Card, number: int) -> str:
-    verdict = card.verdict if card.verdict in _ORDER else "check"
     misfit = f"misfit {100.0 * card.misfit:.2g} % of the force" if math.isfinite(card.misfit) else "no fit"
-    lines = [*card.numbers, f"{card.verdict}; {misfit}"]
-    parts = [f"<p>{html.escape(line)}</p>" for line in lines]
+    parts = [tag("p", words(line)) for line in (*card.numbers, f"{card.verdict}; {misfit}")]
     if card.reason:
-        parts.append(f'<p class="why">{html.escape(card.reason)}</p>')
+        parts.append(tag("p", words(card.reason), kind="why"))
     if card.decision:
-        parts.append(f"<p><b>decided: {html.escape(card.decision)}</b></p>")
-    head = f"{number}. {html.escape(one_line(card.name, 120))}"
-    return f'<article class="{verdict}"><h2>{head}</h2>{card.picture}{"".join(parts)}</article>'
+        parts.append(tag("p", tag("b", words(f"decided: {card.decision}"))))
+    head = tag("h2", words(f"{number}. {one_line(card.name, 120)}"))
+    return tag(
+        "article", head, card.picture, *parts, kind=card.verdict if card.verdict in _ORDER else "check"
+    )

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
-__all__ = ["effects_table", "ledger_in_words", "number_rows", "scene_table"]
-
 # Numbers of a list that a table shows; more are counted.
 _LISTED = 6
 
@@ -35,45 +33,41 @@ def scene_table(*scenes: Scene) -> pd.DataFrame:
 
 
 def _scene_rows(scene: Scene) -> pd.DataFrame:
-    rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
-    rows += number_rows("indenter", scene.indenter)
+    rows = [_row("indenter", "shape", scene.indenter.shape), *number_rows("indenter", scene.indenter)]
     rows += _layer_rows("layer", scene.layer)
     for number, layer in enumerate(scene.layers[1:], start=2):
         rows += _layer_rows(f"layer {number}", layer)
     if scene.base == RIGID:
         bonded = scene.layer.bond == "bonded" and len(scene.layers) == 1
-        value = "rigid, bonded to the layer" if bonded else "rigid"
-        rows.append({"part": "substrate", "quantity": "material", "value": value})
-    elif scene.base is not None:
+        rows.append(_row("substrate", "material", "rigid, bonded to the layer" if bonded else "rigid"))
+    else:
         rows += number_rows("substrate", scene.base)
-    if scene.adhesion is not None:
-        rows.append({"part": "adhesion", "quantity": "model", "value": scene.adhesion.model})
-        rows += number_rows("adhesion", scene.adhesion)
-    if scene.history is not None:
-        rows.append({"part": "history", "quantity": "model", "value": scene.history.model.replace("_", " ")})
-        rows += number_rows("history", scene.history)
+    rows += _model_rows("adhesion", "model", scene.adhesion) + _model_rows("history", "model", scene.history)
     ideal = [row for row in number_rows("instrument", scene.instrument) if not row["value"].startswith("0 ")]
-    rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
-    if scene.lever is not None:
-        rows += number_rows("lever", scene.lever)
-    return labelled_table(rows)
+    rows += ideal or [_row("instrument", "effects", "none")]
+    return labelled_table(rows + number_rows("lever", scene.lever))
+
+
+def _row(part: str, quantity: str, value: str) -> dict[str, str]:
+    return {"part": part, "quantity": quantity, "value": value.replace("_", " ")}
+
+
+def _model_rows(part: str, quantity: str, owner: Any) -> list[dict[str, str]]:
+    """Return the name of a part's model and its numbers; no rows where `owner` is None."""
+    return [] if owner is None else [_row(part, quantity, owner.model), *number_rows(part, owner)]
 
 
 def _layer_rows(part: str, layer: Layer) -> list[dict[str, str]]:
     thick, bond = layer.thickness, layer.bond
     value = format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)"
-    rows = [*number_rows(part, layer.material), {"part": part, "quantity": "thickness", "value": value}]
-    if (relaxation := layer.relaxation) is not None:
-        rows.append({"part": part, "quantity": "relaxation", "value": relaxation.model.replace("_", " ")})
-        rows += number_rows(part, relaxation)
-    if layer.stiffening is not None:
-        rows.append({"part": part, "quantity": "stiffening", "value": layer.stiffening.model})
-        rows += number_rows(part, layer.stiffening)
+    rows = [*number_rows(part, layer.material), _row(part, "thickness", value)]
+    for effect in ("relaxation", "stiffening"):
+        rows += _model_rows(part, effect, getattr(layer, effect))
     if layer.half_width is not None:
         wide = f"{format_quantity(layer.half_width, 'length')} ({layer.shape})"
-        rows.append({"part": part, "quantity": "half width", "value": wide})
+        rows.append(_row(part, "half width", wide))
     if isinstance(bond, str):
-        return rows if bond == "bonded" else [*rows, {"part": part, "quantity": "lower face", "value": bond}]
+        return rows if bond == "bonded" else [*rows, _row(part, "lower face", bond)]
     return rows + number_rows(f"spring under {part}", bond)
 
 
@@ -96,8 +90,8 @@ def number_rows(part: str, owner: Any) -> list[dict[str, str]]:
         elif known.many and len(value) <= _LISTED:
             text = ", ".join(format_quantity(one, kind) for one in value)
         else:
-            text = value.replace("_", " ") if isinstance(value, str) else f"{np.size(value)} values"
-        rows.append({"part": part, "quantity": name, "value": text})
+            text = value if isinstance(value, str) else f"{np.size(value)} values"
+        rows.append(_row(part, name, text))
     return rows
 
 

@@ -33,28 +33,6 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.diagnostics import SamplingDiagnostics
     from underlay.inference.sampling.posterior import Posterior
 
-__all__ = [
-    "answer_text",
-    "assumed_inputs",
-    "assumed_words",
-    "budget_table",
-    "by_depth_words",
-    "fit_lines",
-    "half_space_fit",
-    "half_space_words",
-    "interval_text",
-    "line",
-    "map_lines",
-    "name_of",
-    "posterior_lines",
-    "quartiles",
-    "source_words",
-    "told_names",
-    "verdict_lines",
-    "written",
-    "written_line",
-]
-
 #: Width of the column of names.
 _LEFT = 16
 _WIDTH = 80
@@ -151,7 +129,8 @@ def interval_text(value: float, low: float, high: float, kind: str) -> str:
     if math.isfinite(low) and math.isfinite(high):
         unit, factor = human_unit(value, kind)
         return f"{_with_ends(value / factor, low / factor, high / factor)} {unit}".rstrip()
-    return f"{format_quantity(value, kind)}{_one_end(low, high, kind)}"
+    end = one_end(low, high, kind)
+    return f"{format_quantity(value, kind)}{f' ({end})' if end else ''}"
 
 
 def answer_text(known: Answer, *, parts: bool = True) -> str:
@@ -162,7 +141,8 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
     `parts` the brackets with level and parts are left out.
     """
     if known.is_open:
-        return f"not determined by this curve{_one_end(known.low, known.high, kind_of(path_of(known.name)))}"
+        end = one_end(known.low, known.high, kind_of(path_of(known.name)))
+        return f"not determined by this curve{f' ({end})' if end else ''}"
     one = written(known)
     text = f"{one.number} {one.unit}".rstrip()
     sign = "<" if one.reach else ""
@@ -171,11 +151,11 @@ def answer_text(known: Answer, *, parts: bool = True) -> str:
     )
 
 
-def _one_end(low: float, high: float, kind: str) -> str:
-    """Write the one finite end (SI) of an interval in brackets, ``" (> 1.1 mm)"``; empty where there is none."""
+def one_end(low: float, high: float, kind: str) -> str:
+    """Write the one finite end (SI) of an interval: ``"> 1.1 mm"``; empty where there is none."""
     if math.isfinite(low):
-        return f" (> {format_quantity(low, kind)})"
-    return f" (< {format_quantity(high, kind)})" if math.isfinite(high) else ""
+        return f"> {format_quantity(low, kind)}"
+    return f"< {format_quantity(high, kind)}" if math.isfinite(high) else ""
 
 
 def _decimals(width: float) -> int:
@@ -253,8 +233,8 @@ def source_words(source: str) -> str:
     return _SOURCES.get(source) or (label(source) if "." in source else source)
 
 
-def _budget_words(known: Answer) -> tuple[str, str]:
-    """Return the largest sources of a number's uncertainty, and a note on those assumed; either may be empty."""
+def _budget_lines(known: Answer) -> Iterator[str]:
+    """Yield the largest sources of a number's uncertainty, and a note on those assumed; either may be missing."""
     rows = [row for row in known.contributions if row.share >= _SMALL][:_NAMED]
     told = [
         f"{100.0 * row.share:.0f} % {source_words(row.source)}{'*' if row.origin == 'assumed' else ''}"
@@ -263,14 +243,10 @@ def _budget_words(known: Answer) -> tuple[str, str]:
     assumed = [
         f"{source_words(row.source)} {row.size}" for row in rows if row.origin == "assumed" and row.size
     ]
-    return "; ".join(told), f"* assumed ({', '.join(assumed)}): state yours" if assumed else ""
-
-
-def _budget_lines(known: Answer) -> Iterator[str]:
-    shares = f"Variance of {name_of(known.name)[1]}"
-    for name, words in zip((shares, ""), _budget_words(known), strict=True):
-        if words:
-            yield line(name, words)
+    if told:
+        yield line(f"Variance of {name_of(known.name)[1]}", "; ".join(told))
+    if assumed:
+        yield line("", f"* assumed ({', '.join(assumed)}): state yours")
 
 
 def budget_table(known: Answer) -> pd.DataFrame:
@@ -310,24 +286,45 @@ def assumed_words(paths: Iterable[str]) -> str:
     return f"{named}: usual values, not measured; enter yours" if named else ""
 
 
-def _assumed_lines(fit: Fit) -> Iterator[str]:
-    if words := assumed_words(assumed_inputs(fit.curves)):
-        yield line("Assumed", words)
-
-
 # --- a fit --------------------------------------------------------------------------------------------------
 def fit_lines(fit: Fit) -> list[str]:
     """Return the short text of a fit, by lines: numbers, verdict, next step, modulus by depth, uncertainty."""
-    answers = [fit.answer(name) for name in told_names(fit)]
-    verdict = fit.verdict
-    lines = [*_answer_lines(answers, verdict), *_relaxation(fit), *_adhesion(fit), *verdict_lines(verdict)]
-    lines += _by_depth(fit)
-    if answers and verdict != "reject":
-        lines += _budget_lines(answers[0])
-    lines += _assumed_lines(fit)
+    return "\n".join(_fit_lines(fit)).splitlines()
+
+
+def _fit_lines(fit: Fit) -> Iterator[str]:
+    answers, verdict = [fit.answer(name) for name in told_names(fit)], fit.verdict
+    yield from _answer_lines(answers, verdict)
+    relaxation, lowest = fit.scene.layer.relaxation, float(fit.curves[0].force.min())
+    if isinstance(relaxation, Prony):
+        shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
+        times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
+        yield line("Relaxation", f"{shares} with time constants {times}")
+    pull = fit.scenes[0].instrument.baseline - lowest
+    if fit.scenes[0].adhesion is not None and pull > 0.0:
+        yield line("Pull-off", f"{format_quantity(pull, 'force')}: the lowest force against the baseline")
+    yield from verdict_lines(verdict)
+    try:
+        words = by_depth_words(fit.modulus_by_depth())
+    except UnderlayError:
+        words = ""
+    if words:
+        relaxes = any(path_of(name) == "layer.instantaneous_modulus" for name in fit.derived)
+        # Intervals of a rejected model are no judge of whether it is constant.
+        shown = words.partition(",")[0] if verdict == "reject" else words
+        yield line(f"{'E0' if relaxes else 'E'} by depth", shown)
+    yield from _behind(answers, fit)
     # Where a next step is printed, that goes before a comparison.
-    lines += _half_space(fit) if verdict == "good" else ()
-    return "\n".join(lines).splitlines()
+    if verdict == "good" and (own := half_space_fit(fit)) is not None:
+        yield line("Half-space", half_space_words(fit, own))
+
+
+def _behind(answers: list[Answer], fit: Fit) -> Iterator[str]:
+    """Yield what makes the first number unsure, unless the model is rejected, and which inputs are assumed."""
+    if answers and fit.verdict != "reject":
+        yield from _budget_lines(answers[0])
+    if words := assumed_words(assumed_inputs(fit.curves)):
+        yield line("Assumed", words)
 
 
 def told_names(fit: Fit) -> list[str]:
@@ -340,39 +337,6 @@ def told_names(fit: Fit) -> list[str]:
     if "instantaneous_modulus" in derived:
         names = [name for name in names if path_of(name) != "layer.E" and ".relaxation." not in name]
     return sorted(names, key=lambda name: name not in fit.derived)
-
-
-def _relaxation(fit: Fit) -> Iterator[str]:
-    """Yield one line with fractions and relaxation times of a Prony series; nothing for other models."""
-    relaxation = fit.scene.layer.relaxation
-    if isinstance(relaxation, Prony):
-        shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
-        times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
-        yield line("Relaxation", f"{shares} with time constants {times}")
-
-
-def _adhesion(fit: Fit) -> Iterator[str]:
-    if fit.scenes[0].adhesion is None:
-        return
-    curve = fit.curves[0]
-    baseline = fit.scenes[0].instrument.baseline
-    lowest = float(curve.force.min()) - baseline
-    if lowest < 0.0:
-        yield line("Pull-off", f"{format_quantity(-lowest, 'force')}: the lowest force against the baseline")
-
-
-def _by_depth(fit: Fit) -> Iterator[str]:
-    try:
-        words = by_depth_words(fit.modulus_by_depth())
-    except UnderlayError:
-        return
-    if words:
-        # Intervals of a rejected model are no judge of whether it is constant.
-        relaxes = any(path_of(name) == "layer.instantaneous_modulus" for name in fit.derived)
-        yield line(
-            f"{'E0' if relaxes else 'E'} by depth",
-            words.partition(",")[0] if fit.verdict == "reject" else words,
-        )
 
 
 def by_depth_words(found: PointwiseModulus) -> str:
@@ -433,12 +397,6 @@ def half_space_words(fit: Fit, own: Fit) -> str:
     return f"Hertz would give {format_quantity(value, 'pressure')} ({change:+.0f} %): {felt} by the substrate"
 
 
-def _half_space(fit: Fit) -> Iterator[str]:
-    own = half_space_fit(fit)
-    if own is not None:
-        yield line("Half-space", half_space_words(fit, own))
-
-
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
     """Return one line on where the written files are: folder, common stem of their names, and their endings."""
     endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
@@ -451,12 +409,10 @@ def posterior_lines(posterior: Posterior) -> list[str]:
 
     It must hold the fit it was sampled from (`posterior.statement`).
     """
-    verdict = posterior.verdict
-    answers = [posterior.answer(name) for name in told_names(posterior.statement.fit)]
+    verdict, fit = posterior.verdict, posterior.statement.fit
+    answers = [posterior.answer(name) for name in told_names(fit)]
     lines = [*_answer_lines(answers, verdict), *verdict_lines(verdict)]
-    if answers and verdict != "reject":
-        lines += _budget_lines(answers[0])
-    lines += _assumed_lines(posterior.statement.fit)
+    lines += _behind(answers if verdict != "reject" else [], fit)
     told = posterior.summary()["informed"]
     silent = [start(label(str(name))) for name in told.index[told == "not informed by these data"]]
     if silent:
@@ -479,13 +435,18 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     fitted = table[table["status"] == "fitted"]
     lines: list[str] = []
     for name in (name for name in fitted_names(table.columns) if is_of_the_sample(name)):
-        lines += _of_map(fitted, name)
-    counts = table["verdict"].value_counts()
-    words = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
-    failed = int((table["status"] != "fitted").sum())
-    lines.append(
-        line("Curves", f"{len(table)}: {', '.join(words)}{f', {failed} without a fit' if failed else ''}")
-    )
+        if not np.isfinite(fitted[name].to_numpy(dtype=float)).any():
+            continue
+        (own, letter), sites = name_of(name), site_numbers(fitted, name)
+        if sites.is_open == len(fitted):
+            lines.append(line(own, "not determined by any curve"))
+            continue
+        lines.append(line(own, f"median {letter} = {sites.median}, middle half {sites.half}"))
+        lines += [line("One curve", sites.each)] if sites.each else []
+        lines += (
+            [line("", f"not determined by {sites.is_open} of {len(fitted)} curves")] if sites.is_open else []
+        )
+    lines.append(line("Curves", f"{len(table)}: {verdict_counts(table)}"))
     if "layer.E.syst.low" in table.columns:
         lines.append(
             line("Shared by all", "errors of inputs and model shift all curves alike: no mean reduces them")
@@ -493,11 +454,35 @@ def map_lines(table: pd.DataFrame) -> list[str]:
     return "\n".join(lines).splitlines()
 
 
-def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
-    """Return median and interquartile range over the curves of a column as text, their unit, and its value in SI.
+def verdict_counts(table: pd.DataFrame) -> str:
+    """Count the verdicts of a map: ``"4 good, 1 check, 0 reject, 1 without a fit"``."""
+    counts, failed = table["verdict"].value_counts(), int((table["status"] != "fitted").sum())
+    told = [f"{counts.get(word, 0)} {word}" for word in ("good", "check", "reject")]
+    return ", ".join([*told, *([f"{failed} without a fit"] if failed else [])])
 
-    For example ``("0.99 MPa", "0.91 to 1.11 MPa", "MPa", 1e6)``.
+
+class SiteNumbers(NamedTuple):
+    """One column of a map over its sites, as text.
+
+    Parameters
+    ----------
+    median, half : str
+        ``"0.99 MPa"`` and the interquartile range, ``"0.91 to 1.11 MPa"``.
+    each : str
+        Median uncertainty of one curve, ``"± 0.079 MPa (95 %; stat 0.005, syst 0.079)"``; empty where the table has
+        none.
+    is_open : int
+        How many curves do not determine the number.
     """
+
+    median: str
+    half: str
+    each: str
+    is_open: int
+
+
+def site_numbers(curves: pd.DataFrame, name: str) -> SiteNumbers:
+    """Return median, interquartile range and uncertainty of one curve for a column of a map with finite values."""
     values = curves[name].to_numpy(dtype=float)
     low, middle, high = (
         float(value) for value in np.quantile(values[np.isfinite(values)], [0.25, 0.5, 0.75])
@@ -505,25 +490,16 @@ def quartiles(curves: pd.DataFrame, name: str) -> tuple[str, str, str, float]:
     unit, factor = human_unit(middle, kind_of(name))
     decimals = _decimals(max((high - low) / factor, 0.1 * abs(middle / factor)))
     first, *ends = (f"{value / factor:.{decimals}f}" for value in (middle, low, high))
-    return f"{first} {unit}".rstrip(), f"{' to '.join(ends)} {unit}".rstrip(), unit, factor
-
-
-def _of_map(fitted: pd.DataFrame, name: str) -> Iterator[str]:
-    if not np.isfinite(fitted[name].to_numpy(dtype=float)).any():
-        return
-    (own, letter), told = name_of(name), f"{name}.low" in fitted.columns
-    widths = [_half_widths(fitted, f"{name}{part}") for part in ("", ".stat", ".syst")] if told else []
-    is_open = np.isinf(widths[0]) if told else np.zeros(len(fitted), dtype=bool)
-    if is_open.all():
-        yield line(own, "not determined by any curve")
-        return
-    middle, ends, unit, factor = quartiles(fitted, name)
-    yield line(own, f"median {letter} = {middle}, middle half {ends}")
-    if told:
-        each, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
-        yield line("One curve", f"{f'± {each} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})")
-    if is_open.any():
-        yield line("", f"not determined by {int(is_open.sum())} of {len(fitted)} curves")
+    each, is_open = "", np.zeros(len(curves), dtype=bool)
+    if f"{name}.low" in curves.columns:
+        widths = [_half_widths(curves, f"{name}{part}") for part in ("", ".stat", ".syst")]
+        is_open = np.isinf(widths[0])
+        if not is_open.all():
+            own, stat, syst = (_two_digits(float(np.median(width[~is_open])) / factor) for width in widths)
+            each = f"{f'± {own} {unit}'.rstrip()} (95 %; stat {stat}, syst {syst})"
+    return SiteNumbers(
+        f"{first} {unit}".rstrip(), f"{' to '.join(ends)} {unit}".rstrip(), each, int(is_open.sum())
+    )
 
 
 def _half_widths(fitted: pd.DataFrame, name: str) -> FloatArray:

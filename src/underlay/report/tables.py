@@ -1,15 +1,16 @@
 """Tables of a result for people: every number in a unit that suits its size.
 
 Numbers side by side share units where that helps to compare them: zero takes the unit of the largest number beside
-it (`amounts`). `accuracy_summary` and `answer_summary` are tables of the accuracy and cost of solution methods, one
-row per method, with times relative to that of a simple known one.
+it (`amounts`). `reading_table` says how a file was read, and `beyond_loading` finds the whole measurement, of which
+often the loading alone is fitted. `accuracy_summary` and `answer_summary` are tables of the accuracy and cost of
+solution methods, one row per method, with times relative to that of a simple known one.
 """
 
 from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +19,13 @@ import pandas as pd
 
 from underlay._door import sha256_of
 from underlay._text import one_line
-from underlay.inference.least_squares.provenance import version_record
+from underlay.data.readers import all_formats
+from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.inference.from_files import whole_curve
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import numbers_of, path_of
-from underlay.report.labels import label
+from underlay.report.labels import label, labelled
 from underlay.report.limits import quality_doubts, rival_name
 from underlay.report.screen import answer_text
 from underlay.scene.noise import NoiseModel
@@ -30,27 +33,9 @@ from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.sampling.posterior import Posterior
-
-__all__ = [
-    "accuracy_summary",
-    "amounts",
-    "answer_summary",
-    "correlated_pairs",
-    "diagnostics_table",
-    "facts_table",
-    "fit_table",
-    "interval_table",
-    "known_together",
-    "labelled_table",
-    "provenance_table",
-    "reservations_table",
-    "source_rows",
-    "span",
-    "steps_table",
-    "with_units",
-]
 
 # Below this share of the largest it is what rounding leaves of zero.
 _NOTHING = 1e-9
@@ -170,16 +155,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def correlated_pairs(result: Fit) -> pd.DataFrame:
-    """Return a row per pair of parameters whose correlation exceeds 0.9 in absolute value, strongest first."""
-    rows = [
-        {"parameters": f"{first} and {second}", "correlation": value}
-        for first, second, value in _strong_pairs(result)
-    ]
-    return pd.DataFrame(rows, columns=["parameters", "correlation"])
-
-
-def _strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
+def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
     """Return name, name and correlation of pairs with correlation above 0.9 in absolute value, strongest first."""
     frame = result.correlations
     matrix, names = frame.to_numpy(), [str(name) for name in frame.columns]
@@ -204,7 +180,7 @@ def known_together(result: Fit) -> list[tuple[str, str, float]]:
     """
     index = {name: i for i, name in enumerate(result.names)}
     pairs = []
-    for first, second, value in _strong_pairs(result):
+    for first, second, value in strong_pairs(result):
         errors = [
             math.sqrt(float(result.scaled_covariance[index[name], index[name]])) for name in (first, second)
         ]
@@ -280,7 +256,7 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
     s = result.statistics
     which_law = "contact law" if len(result.curves) == 1 else "contact law, of the curve where it errs most"
     rows = {
-        "verdict": str(result.verdict),
+        "verdict": labelled(str(result.verdict)),
         "points, parameters": f"{s.points}, {s.parameters}",
         "noise": "; ".join(_noise_text(noise) for noise in result.noises)
         + (" (estimated from the scatter)" if s.noise_estimated else " (given or fitted)"),
@@ -330,13 +306,13 @@ def reservations_table(result: Fit) -> pd.DataFrame:
     return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 
 
-def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
+def provenance_table(record: Mapping[str, Any], facts: Mapping[str, str], *files: str) -> pd.DataFrame:
     """Return where a result came from, as text: hashes of files and points, versions, and the given facts.
 
     Parameters
     ----------
-    result : Fit or Posterior
-        Its own record is part of the table.
+    record : mapping
+        The ``provenance`` of a fit or posterior: its ``curves`` and ``versions``.
     facts : mapping of str to str
         What the caller knows, e.g. the command that repeats it.
     *files : path
@@ -348,7 +324,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
         If one of the files cannot be read.
     """
     rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
-    record = result.provenance
     for number, curve in enumerate(record["curves"]):
         which = f" {number + 1}" if len(record["curves"]) > 1 else ""
         if curve.get("recorded"):
@@ -362,14 +337,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     return facts_table({**rows, **facts})
 
 
-def source_rows(files: Iterable[str]) -> dict[str, str]:
-    """Return rows for `facts_table`: the SHA-256 of each file, and the versions of packages and system."""
-    rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
-    own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
-    versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
-    return rows | {"versions": ", ".join(f"{name} {version}" for name, version in versions.items())}
-
-
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
     """Make a table of text from rows; its first column becomes the index. Each text is made one printable line."""
     frame = pd.DataFrame([{name: printed(one_line(text)) for name, text in row.items()} for row in rows])
@@ -380,6 +347,50 @@ def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
 def facts_table(rows: Mapping[str, str]) -> pd.DataFrame:
     """Make a table with one row per name and a single column ``value``."""
     return labelled_table([{"": name, "value": text} for name, text in rows.items()])
+
+
+def beyond_loading(part: Curve) -> Curve | None:
+    """Return the whole curve that `part` was cut from, if it has points beyond loading; otherwise None.
+
+    It is read again from the curve's file: also None where the file is no longer there.
+    """
+    whole = whole_curve(part)
+    return whole if whole is not None and (whole.segments() != LOADING).any() else None
+
+
+def format_name(curve: Curve) -> str:
+    """Return the name and description of the file format a curve was read in: ``"mach1 (Biomomentum ...)"``."""
+    name = str(curve.metadata["format"])
+    described = next((entry.description for entry in all_formats() if entry.name == name), "")
+    return name + (f" ({described})" if described else "")
+
+
+def reading_table(tests: Sequence[tuple[int, Curve]]) -> pd.DataFrame:
+    """Return one row per test, as text: number, name, points, spans of depth and force, points of each segment.
+
+    Parameters
+    ----------
+    tests : sequence of (int, Curve)
+        The number of each test in its file, from 1, and its curve as it was read.
+    """
+    return pd.DataFrame([_test_row(number, curve) for number, curve in tests])
+
+
+def _test_row(number: int, curve: Curve) -> dict[str, object]:
+    counts = {label: int((curve.segments() == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
+    return {
+        "test": number,
+        "name": str(curve.metadata.get("name", "")),
+        "points": len(curve),
+        "depth": _span(curve.depth, "length"),
+        "force": _span(curve.force, "force"),
+        "segments": ", ".join(f"{label} {count}" for label, count in counts.items() if count),
+    }
+
+
+def _span(values: FloatArray, kind: str) -> str:
+    finite = values[np.isfinite(values)]
+    return span(float(finite.min()), float(finite.max()), kind) if finite.size else "no finite number"
 
 
 def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -395,7 +406,7 @@ def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
     answered = table[table["error"].notna()]
     return pd.DataFrame(
         {
-            "law": [_method_label(row) for _, row in answered.iterrows()],
+            "law": [_with_nodes(row) for _, row in answered.iterrows()],
             "error": answered["error"].to_numpy(),
             "cold (us)": 1e6 * answered["cold_seconds"].to_numpy(),
             "cold (x)": answered["cold_ratio"].to_numpy(),
@@ -418,7 +429,7 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
     ordered = table.sort_values("E_error", key=abs, ignore_index=True)
     return pd.DataFrame(
         {
-            "law": [_method_label(row) for _, row in ordered.iterrows()],
+            "law": [_with_nodes(row) for _, row in ordered.iterrows()],
             "E (%)": 100.0 * ordered["E_error"],
             "fit (x)": ordered["ratio"],
             "E, free h (%)": 100.0 * ordered["E_error_joint"],
@@ -428,11 +439,13 @@ def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _method_label(row: pd.Series[Any]) -> str:
-    """Name a method with its settings: ``"explicit 4"`` (form, order), ``"exact 1e-06 (4 nodes)"`` (tolerance)."""
-    method, form, order, rtol, nodes = (row[key] for key in ("method", "form", "order", "rtol", "nodes"))
-    if form:
-        return f"{form} {order:.0f}"
-    if pd.isna(rtol):
-        return str(method)
-    return f"{method} {rtol:.0e}" + (f" ({nodes:.0f} nodes)" if pd.notna(nodes) else "")
+def _with_nodes(row: pd.Series[Any]) -> str:
+    nodes = "" if pd.isna(row["nodes"]) else f" ({row['nodes']:.0f} nodes)"
+    return f"{method_label(row)}{nodes}"
+
+
+def method_label(row: pd.Series[Any]) -> str:
+    """Name a method with its settings: ``"explicit 4"`` (form, order), ``"exact 1e-06"`` (tolerance)."""
+    if row["form"]:
+        return f"{row['form']} {row['order']:.0f}"
+    return row["method"] if pd.isna(row["rtol"]) else f"{row['method']} {row['rtol']:.0e}"

@@ -7,7 +7,7 @@ from .accuracy import (
 )
 from .adhesion import adhesion as adhesion
 from .map import boxes as boxes
-from .budget import budget as budget
+from .design import budget as budget
 from .posterior import corner as corner
 from .design import correlations as correlations
 from .scene import effects as effects
@@ -23,7 +23,7 @@ from .fit import laws as laws
 from .map import map as map  # noqa: A004  the public name
 from .design import plan as plan
 from .pointwise import pointwise_modulus as pointwise_modulus
-from .population import population as population
+from .map import population as population
 from .posterior import predictive as predictive
 from .posterior import profile as profile
 from .fit import drainage as drainage

@@ -6,6 +6,7 @@ The names of methods are written in a column beside their points, in place of a 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,44 +14,29 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.report.plots.style import (
-    ACCENT,
-    COLUMN,
-    DATA,
-    FIT,
-    GREY,
-    PAGE,
-    PURPLE,
-    REFERENCE,
-    YELLOW,
-    axes,
-    style,
-)
-
-__all__ = ["accuracy_cost", "answer_cost", "label_points", "posterior_cost", "what_accuracy_costs"]
+from underlay.report.plots import style
+from underlay.report.tables import method_label
 
 # Of the axes' height: the least distance of two names. Of its width: where the column begins.
 _APART, _COLUMN = 0.045, 0.56
 _MARGIN = 0.06
-_PASSES = 500
 # Errors below these are those of the reference, and those that no measurement tells.
 _FLOOR, _FLOOR_OF_ANSWERS = 1e-12, 1e-6
 _COLOURS = {
-    "explicit": REFERENCE,
-    "parametric": PURPLE,
-    "compliance": YELLOW,
-    "exact": FIT,
+    "explicit": style.REFERENCE,
+    "parametric": style.PURPLE,
+    "compliance": style.YELLOW,
+    "exact": style.FIT,
     "auto": "black",
-    "halfspace": ACCENT,
+    "halfspace": style.ACCENT,
 }
 _HEIGHT = 3.8
 # Of the exact law's tolerances: the others lie between.
 _NAMED, _NAMED_AUTO = (1e-1, 1e-2, 1e-4, 1e-6, 1e-10), 1e-4
 
 
-def label_points(
+def _label_points(
     drawn: Axes, x: Sequence[float], y: Sequence[float], names: Sequence[str], colours: Sequence[str]
 ) -> None:
     """Write the names of points (x, y) in a column at the right of logarithmic axes, and set limits to fit."""
@@ -61,39 +47,22 @@ def label_points(
     drawn.set_ylim(np.exp(bottom - _MARGIN * (top - bottom)), np.exp(top + _MARGIN * (top - bottom)))
     bottom, top = np.log(drawn.get_ylim())
     heights = (np.log(y) - bottom) / (top - bottom)
-    order = np.argsort(heights, kind="stable")
-    for index, height in zip(order.tolist(), _apart(heights[order]).tolist(), strict=True):
-        drawn.annotate(
-            names[index],
-            (x[index], y[index]),
-            xytext=(_COLUMN, height),
-            textcoords="axes fraction",
-            va="center",
-            fontsize=5.5,
-            color=colours[index],
-            arrowprops={
-                "arrowstyle": "-",
-                "color": GREY,
-                "lw": 0.4,
-                "shrinkA": 1.0,
-                "shrinkB": 2.0,
-                "relpos": (0.0, 0.5),
-            },
-        )
-
-
-def _apart(heights: FloatArray) -> FloatArray:
-    """Move ascending heights (n,), shares of the axes, as little as needed to keep labels apart and inside."""
-    placed, apart = heights.astype(float), min(_APART, 0.96 / max(len(heights) - 1, 1))
-    for _ in range(_PASSES):
-        close = np.diff(placed) < apart - 1e-6
-        if not close.any():
-            break
-        push = np.where(close, 0.5 * (apart - np.diff(placed)), 0.0)
-        placed[:-1] -= push
-        placed[1:] += push
-        placed = np.clip(placed, 0.02, 0.98)
-    return placed
+    order = np.argsort(-heights, kind="stable")
+    room = np.full(len(order), min(_APART, 0.96 / max(len(order) - 1, 1)))
+    line = {
+        "arrowstyle": "-",
+        "color": style.GREY,
+        "lw": 0.4,
+        "shrinkA": 1.0,
+        "shrinkB": 2.0,
+        "relpos": (0.0, 0.5),
+    }
+    how: dict[str, Any] = {"textcoords": "axes fraction", "va": "center", "fontsize": 5.5, "arrowprops": line}
+    for index, height in zip(
+        order.tolist(), style.apart(heights[order], room, 0.0, 1.0).tolist(), strict=True
+    ):
+        place, at = (_COLUMN, height), (x[index], y[index])
+        drawn.annotate(names[index], at, xytext=place, color=colours[index], **how)
 
 
 def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None = None) -> Axes:
@@ -118,10 +87,9 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
     known = table[table["error"].notna()].copy()
     known["x"], known["y"] = known[f"{times}_ratio"], known["error"].clip(lower=_FLOOR)
     front = known[known["pareto" if times == "cold" else "pareto_held"]].sort_values("x")
-    with style():
-        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+    with style.panel(ax, width=style.COLUMN, height=_HEIGHT) as drawn:
         drawn.set(xscale="log", yscale="log", ylabel="largest relative error of the force")
-        drawn.step(front["x"], front["y"], where="post", color=GREY, lw=3.0, alpha=0.5)
+        drawn.step(front["x"], front["y"], where="post", color=style.GREY, lw=3.0, alpha=0.5)
         _draw(drawn, known)
         drawn.set_xlabel(f"time, {times} (formula = 1)")
     return drawn
@@ -145,8 +113,7 @@ def answer_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     known = table.copy()
     known["x"], known["y"] = known["ratio"], known["E_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
     joint = known[known["thickness_error"].notna()]
-    with style():
-        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+    with style.panel(ax, width=style.COLUMN, height=_HEIGHT) as drawn:
         drawn.set(xscale="log", yscale="log", ylabel="relative error of E (full) and h (open)")
         thickness = joint["thickness_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
         for colour, x, y in zip(_colours(joint), joint["joint_ratio"], thickness, strict=True):
@@ -175,11 +142,10 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     ended = by_steps["error"].duplicated(keep=False)
     walkers = by_steps.assign(ended=ended).drop_duplicates("error")
     others = table[table["way"] != "emcee"]
-    with style():
-        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+    with style.panel(ax, width=style.COLUMN, height=_HEIGHT) as drawn:
         drawn.set(xscale="log", yscale="log", ylabel="error of the 5, 50, 95 % quantiles (sd)")
-        drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=FIT)
-        drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=REFERENCE)
+        drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=style.FIT)
+        drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=style.REFERENCE)
         floor = table.attrs.get("reference_error", 0.0)
         shown = pd.concat([walkers, others])
         # At least from the reference's own error to one standard deviation: what is less apart is no difference.
@@ -190,9 +156,11 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
             "emcee, ended by itself" if ends else f"emcee, {count:.0f} steps"
             for count, ends in zip(walkers["steps"], walkers["ended"], strict=True)
         ] + [{"fit": "fit, as a normal"}.get(way, way) for way in others["way"]]
-        colours = [FIT] * len(walkers) + [REFERENCE] * len(others)
-        label_points(drawn, shown["ratio"].tolist(), shown["error"].tolist(), names, colours)
-        drawn.axhspan(drawn.get_ylim()[0], max(floor, drawn.get_ylim()[0]), color=GREY, alpha=0.25, lw=0.0)
+        colours = [style.FIT] * len(walkers) + [style.REFERENCE] * len(others)
+        _label_points(drawn, shown["ratio"].tolist(), shown["error"].tolist(), names, colours)
+        drawn.axhspan(
+            drawn.get_ylim()[0], max(floor, drawn.get_ylim()[0]), color=style.GREY, alpha=0.25, lw=0.0
+        )
         drawn.set_xlabel("time (Hertz fit = 1)")
     return drawn
 
@@ -219,9 +187,9 @@ def what_accuracy_costs(
     """
     panels = [(accuracy_cost, force), (answer_cost, answers), (posterior_cost, posterior)]
     given = [(draw, table) for draw, table in panels if table is not None]
-    with style():
+    with style.style():
         figure, places = plt.subplots(
-            1, len(given), figsize=(PAGE, _HEIGHT), layout="constrained", squeeze=False
+            1, len(given), figsize=(style.PAGE, _HEIGHT), layout="constrained", squeeze=False
         )
         for place, (draw, table) in zip(places[0], given, strict=True):
             draw(table, ax=place)
@@ -238,45 +206,20 @@ def _draw(drawn: Axes, known: pd.DataFrame) -> None:
     for form in ("explicit", "parametric", "compliance"):
         series = known[known["form"] == form].sort_values("order")
         drawn.plot(series["x"], series["y"], "-", lw=0.5, color=_COLOURS[form], alpha=0.6)
-    named = [(name, row) for row, name in enumerate(_names(known)) if name]
-    rows = [row for _, row in named]
-    label_points(
-        drawn,
-        known["x"].iloc[rows].tolist(),
-        known["y"].iloc[rows].tolist(),
-        [name for name, _ in named],
-        [colours[row] for row in rows],
-    )
+    named = known.assign(colour=colours)[[_telling(row) for _, row in known.iterrows()]]
+    names = [method_label(row) for _, row in named.iterrows()]
+    _label_points(drawn, named["x"].tolist(), named["y"].tolist(), names, named["colour"].tolist())
 
 
 def _colours(known: pd.DataFrame) -> list[str]:
     return [
-        _COLOURS.get(form or method, DATA)
+        _COLOURS.get(form or method, style.DATA)
         for form, method in zip(known["form"], known["method"], strict=True)
     ]
 
 
-def _names(known: pd.DataFrame) -> list[str]:
-    """Return the name of each row's method; empty for those that lie between named ones of their family."""
-    names = []
-    for method, form, order, rtol in known[["method", "form", "order", "rtol"]].itertuples(index=False):
-        if form:
-            names.append(f"{form} {order:.0f}" if order == 4 or (form, order) == ("explicit", 1) else "")
-        elif method == "exact":
-            names.append(f"exact {rtol:.0e}".replace("e-0", "e-") if rtol in _NAMED else "")
-        elif method == "halfspace":
-            names.append("half-space")
-        else:
-            names.append(_auto(rtol) if method == "auto" else _published(str(method)))
-    return names
-
-
-def _auto(rtol: float) -> str:
-    return f"auto {rtol:.0e}".replace("e-0", "e-") if rtol == _NAMED_AUTO else ""
-
-
-def _published(method: str) -> str:
-    """Return the name of a published formula for people: ``"garcia2018"`` -> ``"Garcia 2018"``."""
-    head, _, tail = method.partition("-")
-    letters = head.rstrip("0123456789")
-    return f"{letters.capitalize()} {head[len(letters) :]}" + (f", {tail}" if tail else "")
+def _telling(row: pd.Series[Any]) -> bool:
+    """Whether a method is named: first and fourth order, and some tolerances; the others lie between these."""
+    if row["form"]:
+        return bool(row["order"] == 4 or (row["form"], row["order"]) == ("explicit", 1))
+    return row["rtol"] in {"exact": _NAMED, "auto": (_NAMED_AUTO,)}.get(row["method"], (row["rtol"],))

@@ -8,15 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay.errors import InputError
-from underlay.report.plots.style import ACCENT, DATA, FIT, GREY, PURPLE, REFERENCE, axes, style, unit_for
+from underlay.report.plots import style
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.mechanics.contact_law import ContactLaw
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
-
-__all__ = ["adhesion"]
 
 _MOST_POINTS = 2000
 _POINTS = 400
@@ -71,19 +69,19 @@ def adhesion(
         measured = measured[0][shown], measured[1][shown]
     law = scene.contact_law(max(max_depth, 0.0), solver=wanted)
     depth, force = law.equilibria(law.max_depth)
-    length, metre = unit_for(depth, "length")
-    load, newton = unit_for(force, "force")
-    with style():
-        panel = axes(ax, height=3.0)
-        panel.axhline(0.0, color=GREY, lw=0.6)
-        panel.plot(depth / metre, force / newton, ":", color=DATA, lw=1.0, label="unstable")
+    length, metre = style.unit_for(depth, "length")
+    load, newton = style.unit_for(force, "force")
+    with style.panel(ax, height=3.0) as panel:
+        panel.axhline(0.0, color=style.GREY, lw=0.6)
+        panel.plot(depth / metre, force / newton, ":", color=style.DATA, lw=1.0, label="unstable")
         if measured is not None:
-            panel.plot(measured[0] / metre, measured[1] / newton, ".", ms=2.2, color=DATA, label="measured")
+            panel.plot(
+                measured[0] / metre, measured[1] / newton, ".", ms=2.2, color=style.DATA, label="measured"
+            )
         stable = np.linspace(law.pull_off_depth, law.max_depth, _POINTS)[1:]
-        panel.plot(stable / metre, law.force(stable) / newton, color=FIT, label="stable, depth given")
+        panel.plot(stable / metre, law.force(stable) / newton, color=style.FIT, label="stable, depth given")
         _jumps(panel, law, scene.instrument.compliance, metre, newton)
-        panel.set_xlabel(f"depth of the tip ({length})")
-        panel.set_ylabel(f"force ({load})")
+        panel.set(xlabel=f"depth of the tip ({length})", ylabel=f"force ({load})")
         panel.legend(loc="best")
     return panel
 
@@ -114,9 +112,9 @@ def _jumps(panel: Axes, law: ContactLaw, compliance: float, metre: float, newton
     They are drawn for a given depth, a given load and, in between, this instrument with its `compliance` (m/N).
     `metre` and `newton` are the units of the axes in SI.
     """
-    held = [("depth given", 0.0, REFERENCE), ("load given", np.inf, ACCENT)]
+    held = [("depth given", 0.0, style.REFERENCE), ("load given", np.inf, style.ACCENT)]
     if compliance:
-        held.insert(1, ("this instrument", compliance, PURPLE))
+        held.insert(1, ("this instrument", compliance, style.PURPLE))
     reach = 0.5 * (law.max_depth - law.pull_off_depth)
     for words, spring, color in held:
         off, first = law.pull_off(spring), law.jump_in(spring)

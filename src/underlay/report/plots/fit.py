@@ -19,40 +19,11 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
-from underlay.report.plots.style import (
-    ACCENT,
-    DATA,
-    FIT,
-    GREY,
-    PAGE,
-    REFERENCE,
-    SOFT,
-    axes,
-    drawn,
-    in_words,
-    style,
-    unit_for,
-    with_strip,
-)
+from underlay.report.plots import style
 from underlay.report.screen import half_space_fit
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.mechanics.body import Layer
-
-__all__ = [
-    "LAW_STROKES",
-    "Canvas",
-    "canvas",
-    "drainage",
-    "fit",
-    "fit_in_time",
-    "fit_log",
-    "force_ends",
-    "laws",
-    "relaxation",
-    "segments",
-]
 
 # More points than the picture has pixels only make the file heavy.
 _MOST_POINTS = 1500
@@ -63,9 +34,9 @@ _SMOOTHED = 0.015
 # Of a picture on a page: crisp enough, and drawn in half the time of one for print.
 _DPI = 130
 #: Colour and stroke of the laws beside a curve, in their order.
-LAW_STROKES = ((FIT, "-"), (REFERENCE, "--"))
+LAW_STROKES = ((style.FIT, "-"), (style.REFERENCE, "--"))
 _CURVE_POINTS = 60
-_COLOURS = {LOADING: FIT, HOLD: DATA, UNLOADING: REFERENCE}
+_COLOURS = {LOADING: style.FIT, HOLD: style.DATA, UNLOADING: style.REFERENCE}
 _MARKS = {LOADING: ".", HOLD: "s", UNLOADING: "x"}
 
 
@@ -127,19 +98,19 @@ def fit(
     """
     x, metre, length = _indentation(result, curve)
     bare = half_space_fit(result) if half_space is None else half_space
-    with style():
+    with style.style():
         upper, lower, newton, offset = _measured(result, curve, x / metre, ax)
         fitted = result.curves[curve].force - result.residuals[curve] - offset
-        upper.plot(x / metre, fitted / newton, color=FIT, label="fit")
+        upper.plot(x / metre, fitted / newton, color=style.FIT, label="fit")
         words = [
             _contact_words(result, curve),
-            ("measured", DATA),
-            (f"{_model_words(result, curve)}, fitted", FIT),
+            ("measured", style.DATA),
+            (f"{_model_words(result, curve)}, fitted", style.FIT),
         ]
         if bare is not None:
-            words.append((_half_space_line(upper, lower, (bare, x / metre, newton, offset)), REFERENCE))
+            words.append((_half_space_line(upper, lower, (bare, x / metre, newton, offset)), style.REFERENCE))
         for panel in (upper, lower):
-            panel.axvline(0.0, color=ACCENT, lw=0.9, zorder=0.5)
+            panel.axvline(0.0, color=style.ACCENT, lw=0.9, zorder=0.5)
         lower.set_xlabel(f"Indentation δ ({length})")
         if not whole:
             _zoom(upper, x / metre)
@@ -164,7 +135,7 @@ def _offset(result: Fit, curve: int) -> FloatArray:
 
 def _axis_unit(values: FloatArray, kind: str) -> tuple[str, float]:
     """Return the unit (name, SI value) in which the largest of `values` is one or more: 286 µm, not 0.286 mm."""
-    return unit_for(0.1 * values, kind)
+    return style.unit_for(0.1 * values, kind)
 
 
 def _model_words(result: Fit, curve: int) -> str:
@@ -180,9 +151,9 @@ def _contact_words(result: Fit, curve: int) -> tuple[str, str]:
     name = next((name for name in names if name in result.names), "")
     known = result.answer(name) if name else None
     if known is None or known.is_open:
-        return "contact point", ACCENT
-    half = in_words(max(known.high - known.value, known.value - known.low), "length", digits=2)
-    return f"contact point, δ = 0 ± {half}", ACCENT
+        return "contact point", style.ACCENT
+    half = style.in_words(max(known.high - known.value, known.value - known.low), "length", digits=2)
+    return f"contact point, δ = 0 ± {half}", style.ACCENT
 
 
 def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, float, FloatArray]) -> str:
@@ -198,14 +169,14 @@ def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, floa
         (measured.force - residual - offset) / newton,
         "--",
         lw=1.2,
-        color=REFERENCE,
+        color=style.REFERENCE,
         label="half-space, best fit",
     )
     width = max(1, round(_SMOOTHED * len(residual)))
     smooth = np.convolve(residual, np.full(width, 1.0 / width), "valid")
     first = (len(residual) - len(smooth)) // 2
-    lower.plot(x[first : first + len(smooth)], smooth / newton, color=REFERENCE, lw=1.0)
-    return f"half-space (Hertz), best fit: {in_words(bare.values['layer.E'], 'pressure', digits=3)}"
+    lower.plot(x[first : first + len(smooth)], smooth / newton, color=style.REFERENCE, lw=1.0)
+    return f"half-space (Hertz), best fit: {style.in_words(bare.values['layer.E'], 'pressure', digits=3)}"
 
 
 def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
@@ -260,30 +231,26 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     measured, scene = result.curves[curve], result.scenes[curve]
     if scene.adhesion is not None:
         raise InputError("a tip that sticks pulls: its forces have no logarithm")
-    chain = scene.instrument.chain
-    offset = chain.reading(np.zeros(len(measured)), measured.depth)
-    travel, force = chain.travel(measured.depth), measured.force - offset
+    travel, force = _indentation(result, curve)[0], measured.force - _offset(result, curve)
     fitted = force - result.residuals[curve]
     seen = (travel > 0.0) & (fitted > 0.0)
     if not seen.any():
         raise InputError("no point of this curve lies beyond contact under force")
     # Noise about zero has no logarithm: what lies below a thousandth of the depth says nothing here.
     seen &= travel > _SHALLOWEST * travel.max()
-    length, metre = unit_for(travel[seen], "length")
-    load, newton = unit_for(force[seen], "force")
-    with style():
-        panel = axes(ax, height=3.2)
+    length, metre = style.unit_for(travel[seen], "length")
+    load, newton = style.unit_for(force[seen], "force")
+    with style.panel(ax, height=3.2) as panel:
         shown = seen & (force > 0.0)
         step = max(1, np.count_nonzero(shown) // _MOST_POINTS)
         x, y = travel[shown][::step] / metre, force[shown][::step] / newton
-        panel.loglog(x, y, ".", ms=2.2, color=DATA, label="measured")
+        panel.loglog(x, y, ".", ms=2.2, color=style.DATA, label="measured")
         order = np.argsort(travel[seen])
-        panel.plot(travel[seen][order] / metre, fitted[seen][order] / newton, color=FIT, label="fit")
+        panel.plot(travel[seen][order] / metre, fitted[seen][order] / newton, color=style.FIT, label="fit")
         low, high = float(fitted[seen].min()) / newton, float(force.max()) / newton
         _slopes(panel, float(travel.max()) / metre, high)
         panel.set_ylim(0.5 * low, 2.0 * high)
-        panel.set_xlabel(f"depth since contact ({length})")
-        panel.set_ylabel(f"force ({load})")
+        panel.set(xlabel=f"indentation ({length})", ylabel=f"force ({load})")
         panel.legend(loc="upper left")
     return panel
 
@@ -293,7 +260,7 @@ def _slopes(panel: Axes, depth: float, force: float) -> None:
     ends = np.array([0.03, 1.0])
     for power, dashes in ((1.5, "--"), (2.0, ":")):
         panel.plot(
-            depth * ends, force * ends**power, dashes, color=REFERENCE, lw=1.0, label=f"slope {power:g}"
+            depth * ends, force * ends**power, dashes, color=style.REFERENCE, lw=1.0, label=f"slope {power:g}"
         )
 
 
@@ -322,10 +289,10 @@ def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     measured, residual = result.curves[curve], result.residuals[curve]
     if measured.time is None:
         raise InputError("this curve has no times to be drawn against")
-    with style():
+    with style.style():
         upper, lower, newton, offset = _measured(result, curve, measured.time, ax)
-        upper.plot(measured.time, (measured.force - residual - offset) / newton, color=FIT, label="fit")
-        _say(upper, [("measured", DATA), ("fit", FIT)])
+        upper.plot(measured.time, (measured.force - residual - offset) / newton, color=style.FIT, label="fit")
+        _say(upper, [("measured", style.DATA), ("fit", style.FIT)])
         lower.set_xlabel("Time (s)")
     return upper
 
@@ -340,16 +307,16 @@ def _measured(
     measured, residual, offset = result.curves[curve], result.residuals[curve], _offset(result, curve)
     load, newton = _axis_unit(measured.force - offset, "force")
     step = -(-len(x) // _MOST_POINTS)
-    upper, lower = with_strip(axes(ax, height=3.4))
+    upper, lower = style.with_strip(style.axes(ax, height=3.4))
     dots: dict[str, Any] = {"ms": 3.0, "mec": "none"}
     force = (measured.force - offset)[::step] / newton
-    upper.plot(x[::step], force, "o", color=DATA, alpha=0.35, label="measured", **dots)
+    upper.plot(x[::step], force, "o", color=style.DATA, alpha=0.35, label="measured", **dots)
     upper.set_ylabel(f"Force F ({load})")
     upper.tick_params(labelbottom=False)
     if len(result.curves) > 1:
         upper.set_title(f"curve {curve + 1}")
-    lower.axhline(0.0, color=GREY, lw=0.8, zorder=0.5)
-    lower.plot(x[::step], residual[::step] / newton, "o", color=FIT, alpha=0.5, **dots | {"ms": 2.2})
+    lower.axhline(0.0, color=style.GREY, lw=0.8, zorder=0.5)
+    lower.plot(x[::step], residual[::step] / newton, "o", color=style.FIT, alpha=0.5, **dots | {"ms": 2.2})
     lower.set_ylabel(f"Residual ({load})")
     return upper, lower, newton, offset
 
@@ -388,10 +355,14 @@ def laws(
     low, high = view or (float(np.min(curve.depth)), float(np.max(curve.depth)))
     length, metre = _axis_unit(np.array([low - contact, high - contact]), "length")
     load, newton = _axis_unit(np.array(force_ends(curve, low, high)), "force")
-    with style():
-        ax = _wide_axes() if ax is None else ax
-        words = [("measured", SOFT), *([("used in the fit", DATA)] if len(used) < len(curve) else [])]
-        for points, colour in ((curve, GREY), (used, DATA)):
+    with style.style():
+        # Page width with fixed margins: a computed layout draws the picture three times.
+        ax = ax or plt.figure(figsize=(style.PAGE, 3.9)).add_axes((0.085, 0.12, 0.9, 0.86))
+        words = [
+            ("measured", style.SOFT),
+            *([("used in the fit", style.DATA)] if len(used) < len(curve) else []),
+        ]
+        for points, colour in ((curve, style.GREY), (used, style.DATA)):
             inside = np.flatnonzero((points.depth >= low) & (points.depth <= high))
             step = inside[:: max(1, len(inside) // _MOST_POINTS)]
             x, y = (points.depth[step] - contact) / metre, points.force[step] / newton
@@ -415,11 +386,6 @@ def force_ends(curve: Curve, low: float, high: float) -> tuple[float, float]:
     return least - room, most + room
 
 
-def _wide_axes() -> Axes:
-    """Return axes of page width with fixed margins: a computed layout draws the picture three times."""
-    return plt.figure(figsize=(PAGE, 3.9)).add_axes((0.085, 0.12, 0.9, 0.86))
-
-
 def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0, 1.0)) -> Canvas:
     """Return the figure of `ax` as PNG with the position of its axes, and close it.
 
@@ -430,18 +396,13 @@ def canvas(ax: Axes, across: tuple[float, float], up: tuple[float, float] = (0.0
     across, up : (float, float)
         Ends (SI) of the horizontal and of the vertical axis.
     """
-    data = drawn(ax, dpi=_DPI)
+    data = style.drawn(ax, dpi=_DPI)
     # 24 bytes in, a PNG says its size.
     width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
     box = ax.get_position()
-    left, right, top, bottom = (
-        box.x0 * width,
-        box.x1 * width,
-        (1.0 - box.y1) * height,
-        (1.0 - box.y0) * height,
-    )
+    sides = (box.x0 * width, box.x1 * width, (1.0 - box.y1) * height, (1.0 - box.y0) * height)
     # Plain floats: what numpy's write of themselves is no number to anyone else.
-    return Canvas(data, width, height, *map(float, (left, right, top, bottom, *across, *up)))
+    return Canvas(data, width, height, *map(float, (*sides, *across, *up)))
 
 
 def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
@@ -475,18 +436,19 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     member = result.problem.members[curve]
 
     def moduli(physical: FloatArray) -> FloatArray:
-        return np.stack([_modulus(member.scene_at(row).layer, time) for row in physical])
+        """Return the in-plane modulus (Pa) of each row of parameters (k,) at the times (n,): (k, n)."""
+        layers = [member.scene_at(row).layer for row in physical]
+        return np.stack([one.material.E * one.relaxation.modulus(time) for one in layers if one.relaxation])
 
     low, middle, high = result.band(moduli)
-    name, pascal = unit_for(middle, "pressure")
-    with style():
-        panel = axes(ax)
+    name, pascal = style.unit_for(middle, "pressure")
+    with style.panel(ax) as panel:
         if np.isfinite(low).all():
-            panel.fill_between(time, low / pascal, high / pascal, color=FIT, alpha=0.25, lw=0.0, label="95 %")
-        panel.plot(time, middle / pascal, color=FIT, label="fit")
-        panel.set_xscale("log")
-        panel.set_xlabel("time after a sudden strain (s)")
-        panel.set_ylabel(f"layer modulus ({name})")
+            panel.fill_between(
+                time, low / pascal, high / pascal, color=style.FIT, alpha=0.25, lw=0.0, label="95 %"
+            )
+        panel.plot(time, middle / pascal, color=style.FIT, label="fit")
+        panel.set(xscale="log", xlabel="time after a sudden strain (s)", ylabel=f"layer modulus ({name})")
         panel.legend(loc="best")
     return panel
 
@@ -523,23 +485,14 @@ def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     held = slice(peak, None)
     root = np.sqrt(measured.time[held] - measured.time[peak])
     step = -(-len(root) // _MOST_POINTS)
-    with style():
-        panel = axes(ax)
+    with style.panel(ax) as panel:
         for force, how in ((measured.force, "o"), (fitted, "-")):
             left = (force[held] - fitted[-1]) / (fitted[peak] - fitted[-1])
-            label, colour = ("fit", FIT) if how == "-" else ("measured", DATA)
+            label, colour = ("fit", style.FIT) if how == "-" else ("measured", style.DATA)
             panel.plot(root[::step], left[::step], how, ms=2.5, color=colour, label=label)
-        panel.set_xlabel("root of the time since the peak (s$^{1/2}$)")
-        panel.set_ylabel("force left to fall, g")
+        panel.set(xlabel="root of the time since the peak (s$^{1/2}$)", ylabel="force left to fall, g")
         panel.legend(loc="best")
     return panel
-
-
-def _modulus(layer: Layer, time: FloatArray) -> FloatArray:
-    """Return the in-plane modulus (Pa), (n,), of a relaxing layer at times (s), (n,), after a sudden strain."""
-    if layer.relaxation is None:
-        return np.full(len(time), layer.material.E)
-    return np.asarray(layer.material.E * layer.relaxation.modulus(time))
 
 
 def segments(curve: Curve, *, title: str = "", ax: Axes | None = None) -> Axes:
@@ -561,10 +514,10 @@ def segments(curve: Curve, *, title: str = "", ax: Axes | None = None) -> Axes:
     """
     labels = curve.segments()
     clock = np.arange(len(curve)) if curve.time is None else curve.time
-    length, mm = unit_for(curve.depth, "length")
-    load, mN = unit_for(curve.force, "force")
-    with style():
-        upper, lower = with_strip(axes(ax, height=3.4), share=0.5)
+    length, mm = style.unit_for(curve.depth, "length")
+    load, mN = style.unit_for(curve.force, "force")
+    with style.style():
+        upper, lower = style.with_strip(style.axes(ax, height=3.4), share=0.5)
         for label, colour in _COLOURS.items():
             chosen = labels == label
             if chosen.any():

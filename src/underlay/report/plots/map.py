@@ -1,11 +1,12 @@
-"""Pictures of a map of many curves: a quantity by position, its distribution, and an overview.
+"""Pictures of a map of many curves: a quantity by position, its distribution, an overview, and the population.
 
-`survey` is the overview: modulus, thickness and verdict by position, and a histogram.
+`survey` is the overview: modulus, thickness and verdict by position, and a histogram. `population` draws each unit
+(an animal, say) with its curves, and the mean of its group below.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,43 +15,34 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 from scipy import spatial
 
 from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.errors import InputError
 from underlay.report.labels import label
-from underlay.report.plots.style import (
-    ACCENT,
-    DATA,
-    FIT,
-    GREY,
-    INK,
-    PAGE,
-    REFERENCE,
-    SEQUENTIAL,
-    YELLOW,
-    axes,
-    in_words,
-    style,
-    unit_for,
-    unit_of,
-)
+from underlay.report.plots import style
 from underlay.scene.parameters import kind_of
 
-__all__ = ["boxes", "histogram", "map", "map_unit", "survey", "verdicts"]
+if TYPE_CHECKING:
+    from underlay.inference.population.result import Group, Population
 
 _SHOWN = (0.005, 0.995)
 # Drawn over their own edges, neighbours leave no white lines between them.
 _NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}
 _ALONE = 1e-6  # m; a single site has no neighbour to measure its square by
 _VERDICTS = (
-    ("good", ACCENT, "o"),
-    ("check", YELLOW, "^"),
-    ("reject", REFERENCE, "x"),
-    ("refused", REFERENCE, "x"),
+    ("good", style.ACCENT, "o"),
+    ("check", style.YELLOW, "^"),
+    ("reject", style.REFERENCE, "x"),
+    ("refused", style.REFERENCE, "x"),
 )
+# Inches of a row of a population, and of what is above the rows.
+_ROW, _HEAD = 0.19, 0.9
+_MOST_UNITS = 60
+# On an axis that spans less than this factor every line of the decade is labelled.
+_NARROW = 6.0
 
 
 def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
@@ -79,22 +71,18 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     known = values[np.isfinite(values)]
     if not known.size:
         raise InputError(f"no curve of the map has a value of {column!r}")
-    kind = kind_of(column.removesuffix(".stderr"))
-    unit, factor = unit_of(float(np.median(np.abs(known))), kind)
-    with style():
-        ax = axes(ax, height=2.3)
+    words, factor = _axis(column, known)
+    with style.panel(ax, height=2.3) as drawn:
         # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
         ends = np.quantile(known, _SHOWN)
-        inside = np.minimum(np.maximum(known, ends[0]), ends[1])
         bins = max(8, min(60, int(np.sqrt(known.size))))
-        ax.hist(inside / factor, bins=bins, color=FIT, alpha=0.85)
+        drawn.hist(np.clip(known, *ends) / factor, bins=bins, color=style.FIT, alpha=0.85)
         middle = float(np.median(known))
-        ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
-        ax.set_title(f"{known.size} curves, median {in_words(middle, kind)}")
-        ax.set_xlabel(f"{label(column)} ({unit})" if unit else label(column))
-        ax.set_ylabel("curves")
-        ax.yaxis.set_major_locator(MaxNLocator(integer=True))
-    return ax
+        drawn.axvline(middle / factor, color=style.INK, lw=1.0, ls="--")
+        drawn.set_title(f"{known.size} curves, median {style.in_words(middle, _kind(column))}")
+        drawn.set(xlabel=words, ylabel="curves")
+        drawn.yaxis.set_major_locator(MaxNLocator(integer=True))
+    return drawn
 
 
 def map(  # noqa: A001  the public name; the builtin is not used here
@@ -131,20 +119,26 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     across, up = placed[x].to_numpy(dtype=float), placed[y].to_numpy(dtype=float)
     length, scale = map_unit(placed, x, y)
     squares = _squares(across, up) / scale
-    with style():
-        ax = axes(ax, height=3.0)
-        ax.set_aspect("equal")
-        _draw(ax, squares, placed[column].to_numpy(dtype=float), column)
-        ax.autoscale_view()
-        ax.set_xlabel(f"x ({length})")
-        ax.set_ylabel(f"y ({length})")
-    return ax
+    with style.panel(ax, height=3.0) as drawn:
+        drawn.set_aspect("equal")
+        values = placed[column].to_numpy(dtype=float)
+        known = np.isfinite(values)
+        words, factor = _axis(column, values[known])
+        drawn.add_collection(PolyCollection(list(squares[~known]), facecolors=style.GREY, **_NO_GAPS))
+        shades: Any = {"array": values[known] / factor, "cmap": style.SEQUENTIAL}
+        filled = drawn.add_collection(PolyCollection(list(squares[known]), **shades, **_NO_GAPS))
+        if (figure := drawn.get_figure(root=False)) is not None:
+            bar = figure.colorbar(filled, cax=drawn.inset_axes((1.04, 0.0, 0.05, 1.0)))
+            bar.set_label(words.replace(" of the ", "\nof the "))
+        drawn.autoscale_view()
+        drawn.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
+    return drawn
 
 
 def map_unit(table: pd.DataFrame, x: str = "x", y: str = "y") -> tuple[str, float]:
     """Return the unit of a map's axes for sites with these positions (m): printed name and SI value."""
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
-    return unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
+    return style.unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
 
 
 def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
@@ -175,29 +169,21 @@ def boxes(table: pd.DataFrame, by: str, column: str = "layer.E", *, ax: Axes | N
     known = table[table[by].notna() & np.isfinite(table[column].to_numpy(dtype=float))]
     if known.empty:
         raise InputError(f"no curve of the map has both a {by} and a value of {column!r}")
-    unit, factor = unit_of(float(known[column].abs().median()), kind_of(column))
+    words, factor = _axis(column, known[column].to_numpy(dtype=float))
     parts = {str(name): part[column].to_numpy(dtype=float) / factor for name, part in known.groupby(by)}
-    with style():
-        ax = axes(ax, width=0.75 * PAGE, height=2.8)
-        ink = {"color": FIT}
-        ax.boxplot(
-            list(parts.values()),
-            showfliers=False,
-            boxprops=ink,
-            whiskerprops=ink,
-            capprops=ink,
-            medianprops=ink,
-        )
+    with style.panel(ax, width=0.75 * style.PAGE, height=2.8) as drawn:
+        ink: Any = {f"{part}props": {"color": style.FIT} for part in ("box", "whisker", "cap", "median")}
+        drawn.boxplot(list(parts.values()), showfliers=False, **ink)
         for place, values in enumerate(parts.values(), start=1):
             # Side by side over a third of the distance of two boxes.
             across = place + np.linspace(-0.15, 0.15, len(values))
-            ax.plot(across, values, "o", ms=3.0, mec="none", color=DATA)
-        ax.set_xticks(
+            drawn.plot(across, values, "o", ms=3.0, mec="none", color=style.DATA)
+        drawn.set_xticks(
             range(1, len(parts) + 1), [f"{one_line(name, 24)} ({len(parts[name])})" for name in parts]
         )
-        ax.set_ylim(bottom=0.0)
-        ax.set_ylabel(f"{label(column)} ({unit})" if unit else label(column))
-    return ax
+        drawn.set_ylim(bottom=0.0)
+        drawn.set_ylabel(words)
+    return drawn
 
 
 def _require(table: pd.DataFrame, *columns: str) -> None:
@@ -208,17 +194,14 @@ def _require(table: pd.DataFrame, *columns: str) -> None:
             raise InputError(f"the table has no column {name!r}; it has {there}")
 
 
-def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
-    known = np.isfinite(values)
-    unit, factor = unit_of(float(np.median(np.abs(values[known]))), kind_of(column.removesuffix(".stderr")))
-    ax.add_collection(PolyCollection(list(squares[~known]), facecolors=GREY, **_NO_GAPS))
-    drawn = PolyCollection(list(squares[known]), array=values[known] / factor, cmap=SEQUENTIAL, **_NO_GAPS)
-    ax.add_collection(drawn)
-    figure = ax.get_figure(root=False)
-    if figure is not None:
-        bar = figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0)))
-        words = label(column).replace(" of the ", "\nof the ")
-        bar.set_label(f"{words} ({unit})" if unit else words)
+def _kind(column: str) -> str:
+    return kind_of(column.removesuffix(".stderr"))
+
+
+def _axis(column: str, values: FloatArray) -> tuple[str, float]:
+    """Return the words of an axis for a column's finite values (SI), and the SI value of its unit."""
+    unit, factor = style.unit_of(float(np.median(np.abs(values))), _kind(column))
+    return style.with_unit(label(column), unit), factor
 
 
 def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
@@ -252,25 +235,25 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         If no curve has a value.
     """
     placed = np.isfinite(table[["x", "y"]].to_numpy(dtype=float)).all(axis=1)
-    with style():
+    with style.style():
         if not placed.any():
             return histogram(table, column)
         here = table[placed]
-        maps = [name for name in (column, "layer.thickness") if _has_values(here, name)]
-        maps = list(dict.fromkeys(maps))
+        known = here.columns[here.notna().any()]
+        maps = [name for name in dict.fromkeys((column, "layer.thickness")) if name in known]
         panels = len(maps) + 2
         rows = -(-panels // 2)
         # The maps' colour bars stand outside their axes.
         layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
-        figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout=layout)
-        axes = list(grid.ravel())
-        for name, ax in zip(maps, axes, strict=False):
+        figure, grid = plt.subplots(rows, 2, figsize=(style.PAGE, 2.7 * rows), layout=layout)
+        cells = list(grid.ravel())
+        for name, ax in zip(maps, cells, strict=False):
             map(here, name, ax=ax)
-        verdicts(here, ax=axes[len(maps)])
-        histogram(table, column, ax=axes[len(maps) + 1])
-        for ax in axes[panels:]:
+        verdicts(here, ax=cells[len(maps)])
+        histogram(table, column, ax=cells[len(maps) + 1])
+        for ax in cells[panels:]:
             figure.delaxes(ax)
-    first: Axes = axes[0]
+    first: Axes = cells[0]
     return first
 
 
@@ -291,23 +274,95 @@ def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None
     matplotlib Axes
     """
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
-    length, scale = unit_of(float(max(np.ptp(across), np.ptp(up))), "length")
-    with style():
-        if ax is None:
-            ax = plt.subplots(figsize=(0.5 * PAGE, 2.7), layout="constrained")[1]
+    length, scale = map_unit(table, x, y)
+    with style.panel(ax, width=0.5 * style.PAGE, height=2.7) as drawn:
         size = max(0.5, min(6.0, 110.0 / np.sqrt(len(table))))
         handles = []
         for name, colour, marker in _VERDICTS:
             these = (table["verdict"] == name).to_numpy()
-            ax.plot(across[these] / scale, up[these] / scale, marker, ms=size, color=colour, ls="none")
+            drawn.plot(across[these] / scale, up[these] / scale, marker, ms=size, color=colour, ls="none")
             words = f"{name} ({np.count_nonzero(these)})"
             handles.append(Line2D([], [], marker=marker, color=colour, ls="none", ms=4.0, label=words))
-        ax.set_aspect("equal")
-        ax.set_xlabel(f"x ({length})")
-        ax.set_ylabel(f"y ({length})")
-        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return ax
+        drawn.set_aspect("equal")
+        drawn.set(xlabel=f"x ({length})", ylabel=f"y ({length})")
+        drawn.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return drawn
 
 
-def _has_values(table: pd.DataFrame, name: str) -> bool:
-    return name in table.columns and bool(np.isfinite(table[name].to_numpy(dtype=float)).any())
+def population(result: Population, *, ax: Axes | None = None) -> Axes:
+    """Draw the units (animals, say) of every group with their intervals, and the mean of the group below them.
+
+    Parameters
+    ----------
+    result : Population
+        Result of `population`.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        Filled points are estimates of units, shrunk towards the mean of their group; open points use the curves
+        of a unit alone; the band is the interval of the mean.
+    """
+    groups = list(result.groups.values())
+    words, factor = _axis(result.parameter, np.array([groups[0].mean]))
+    rows = sum(_shown(group) + 2 for group in groups)
+    with style.panel(ax, width=0.75 * style.PAGE, height=_HEAD + _ROW * rows) as drawn:
+        place, names = 0, dict[int, str]()
+        for group in groups:
+            low, high = (np.clip(end / factor, 1e-300, 1e300) for end in (group.low, group.high))
+            below = place + _shown(group) + 1
+            drawn.fill_betweenx([place - 0.5, below - 0.6], low, high, color=style.FIT, alpha=0.13, lw=0.0)
+            for name, row in list(group.unit_values.iterrows())[:_MOST_UNITS]:
+                ends = [row["low"] / factor, row["high"] / factor]
+                drawn.plot(ends, [place, place], color=style.DATA, lw=1.0)
+                drawn.plot(row["own"] / factor, place, "o", ms=4.0, mfc="white", mec=style.GREY)
+                drawn.plot(row["mean"] / factor, place, "o", ms=4.0, color=style.DATA)
+                names[place] = f"{one_line(name, 24)}  ({row['curves']:.0f})"
+                place += 1
+            if len(group.unit_values) > _MOST_UNITS:
+                names[place] = f"and {len(group.unit_values) - _MOST_UNITS} more"
+                place += 1
+            drawn.plot([low, high], [place, place], color=style.FIT, lw=2.4)
+            drawn.plot(group.mean / factor, place, "D", ms=5.0, color=style.FIT)
+            names[place] = f"{one_line(group.name, 24) or 'all'}: mean"
+            place = below + 1
+        drawn.set_xscale("log")
+        drawn.set_yticks(list(names), list(names.values()))
+        for text in drawn.get_yticklabels():
+            text.set_color(style.FIT if text.get_text().endswith(": mean") else style.INK)
+        drawn.invert_yaxis()
+        drawn.set_xlabel(words)
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        drawn.xaxis.set_major_formatter(plain)
+        narrow = np.divide(*drawn.get_xlim()[::-1]) < _NARROW
+        drawn.xaxis.set_minor_formatter(plain if narrow else FuncFormatter(_some))
+        if result.by:
+            what = result.by[0]
+            handles = [
+                Line2D([], [], marker="o", color=style.DATA, lw=1.0, ms=4.0, label=f"{what}, 95 %"),
+                Line2D(
+                    [],
+                    [],
+                    marker="o",
+                    mfc="white",
+                    mec=style.GREY,
+                    ls="none",
+                    ms=4.0,
+                    label="its curves alone",
+                ),
+                Line2D([], [], marker="D", color=style.FIT, lw=2.4, ms=5.0, label="mean of the group, 95 %"),
+            ]
+            drawn.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    return drawn
+
+
+def _shown(group: Group) -> int:
+    return min(len(group.unit_values), _MOST_UNITS + 1)
+
+
+def _some(value: float, _: int) -> str:
+    """Label only 2 and 5 between the decades of an axis: more would overlap."""
+    lead = value / 10.0 ** np.floor(np.log10(value))
+    return f"{value:g}" if round(lead) in {2, 5} else ""

@@ -12,14 +12,12 @@ from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.answer import NORMAL_95
-from underlay.report.plots.style import FIT, REFERENCE, SOFT, axes, style, unit_for, unit_of
+from underlay.report.plots import style
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
-
-__all__ = ["film", "pointwise_modulus"]
 
 # Over the largest modulus; what noise throws further out is cut off.
 _HEADROOM, _USUAL = 1.15, 0.95
@@ -44,26 +42,25 @@ def pointwise_modulus(
     -------
     matplotlib Axes
     """
-    length, metre = unit_for(0.1 * found.depth, "length")
+    length, metre = style.unit_for(0.1 * found.depth, "length")
     level = float(found.apparent.expected[-1]) if answer is None else answer.value
-    name, pascal = unit_of(level, "pressure")
-    with style():
-        panel = axes(ax)
+    name, pascal = style.unit_of(level, "pressure")
+    with style.panel(ax) as panel:
         band = answer is not None and not answer.is_open and not found.relaxing
-        words = [("layer on substrate" if found.layered else "half-space (Hertz)", FIT)]
+        words = [("layer on substrate" if found.layered else "half-space (Hertz)", style.FIT)]
         if answer is not None and band:
-            panel.axhspan(answer.low / pascal, answer.high / pascal, color=FIT, alpha=0.13, lw=0.0)
-            panel.axhline(answer.value / pascal, color=FIT, lw=1.0)
-            words.append(("band: uncertainty of E", SOFT))
+            panel.axhspan(answer.low / pascal, answer.high / pascal, color=style.FIT, alpha=0.13, lw=0.0)
+            panel.axhline(answer.value / pascal, color=style.FIT, lw=1.0)
+            words.append(("band: uncertainty of E", style.SOFT))
         else:
-            panel.plot(found.depth / metre, found.apparent.expected / pascal, color=FIT, lw=1.0)
-        words.insert(1, (f"bars: noise, {100.0 * found.level:.3g} %", SOFT))
+            panel.plot(found.depth / metre, found.apparent.expected / pascal, color=style.FIT, lw=1.0)
+        words.insert(1, (f"bars: noise, {100.0 * found.level:.3g} %", style.SOFT))
         if found.layered:
             bare = found.apparent_halfspace.modulus / pascal
             panel.plot(
-                found.depth / metre, bare, "s", ms=2.6, mec="none", color=REFERENCE, label="half-space"
+                found.depth / metre, bare, "s", ms=2.6, mec="none", color=style.REFERENCE, label="half-space"
             )
-            words.insert(1, ("half-space (Hertz)", REFERENCE))
+            words.insert(1, ("half-space (Hertz)", style.REFERENCE))
         _bars(panel, found, metre, pascal)
         shown = _shown(found, answer if band else None, level) / pascal
         panel.set_xlim(0.0, 1.02 * found.depth[-1] / metre)
@@ -91,7 +88,7 @@ def _bars(panel: Axes, found: PointwiseModulus, metre: float, pascal: float) -> 
         fmt="o",
         ms=3.0,
         mec="none",
-        color=FIT,
+        color=style.FIT,
         elinewidth=0.8,
         label="layer on substrate" if found.layered else "half-space",
     )
@@ -122,33 +119,23 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
     """
     table = found.table
     depth, bare = table["depth"].to_numpy(), table["half-space modulus"].to_numpy()
-    length, metre = unit_for(depth, "length")
-    name, pascal = unit_for(bare, "pressure")
-    with style():
-        panel = axes(ax)
-        panel.plot(
-            depth / metre, bare / pascal, ".-", ms=3.0, lw=0.9, color=REFERENCE, label="half-space formula"
-        )
+    length, metre = style.unit_for(depth, "length")
+    name, pascal = style.unit_for(bare, "pressure")
+    with style.panel(ax) as panel:
+        dots: dict[str, Any] = {"marker": ".", "ms": 3.0, "lw": 0.9}
+        panel.plot(depth / metre, bare / pascal, **dots, color=style.REFERENCE, label="half-space formula")
         if "layer modulus" in table:
             layer = table["layer modulus"].to_numpy()
             noise = table["layer modulus noise"].to_numpy() / layer
             if np.isfinite(noise).all():
                 low, high = (layer * np.exp(sign * NORMAL_95 * noise) / pascal for sign in (-1.0, 1.0))
                 panel.fill_between(
-                    depth / metre, low, high, color=FIT, alpha=0.2, lw=0.0, label="noise, 95 %"
+                    depth / metre, low, high, color=style.FIT, alpha=0.2, lw=0.0, label="noise, 95 %"
                 )
-            panel.plot(
-                depth / metre,
-                layer / pascal,
-                ".-",
-                ms=3.0,
-                lw=0.9,
-                color=FIT,
-                label="film, base in the model",
-            )
-            panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=FIT, label="fit")
+            label = "film, base in the model"
+            panel.plot(depth / metre, layer / pascal, **dots, color=style.FIT, label=label)
+            panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=style.FIT, label="fit")
         panel.set_ylim(0.0)
-        panel.set_xlabel(f"depth ({length})")
-        panel.set_ylabel(f"modulus ({name})")
+        panel.set(xlabel=f"depth ({length})", ylabel=f"modulus ({name})")
         panel.legend(loc="best")
     return panel

@@ -20,27 +20,12 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.report.labels import label
-from underlay.report.plots.style import (
-    ACCENT,
-    DATA,
-    FIT,
-    GREY,
-    REFERENCE,
-    SKY,
-    YELLOW,
-    axes,
-    style,
-    unit_for,
-    unit_of,
-    with_strip,
-)
+from underlay.report.plots import style
 from underlay.scene.parameters import kind_of
 
 if TYPE_CHECKING:
     from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
-
-__all__ = ["corner", "predictive", "profile"]
 
 _BINS = 32
 # A cell is as wide as so many letters; a longer label would run into its neighbour.
@@ -80,9 +65,9 @@ def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes
     chosen = list(posterior.names if names is None else names)
     columns = [_Column(posterior, name) for name in chosen]
     count = len(columns)
-    with style():
+    with style.style():
         side = max(2.4, 1.15 * count + 0.6)
-        ax = axes(ax, width=side, height=side)
+        ax = style.axes(ax, width=side, height=side)
         figure, spec = ax.get_figure(root=False), ax.get_subplotspec()
         if figure is None or spec is None:
             raise InputError("corner divides its axes: pass one made by plt.subplots, or none")
@@ -104,7 +89,7 @@ class _Column:
 
     def __init__(self, posterior: Posterior, name: str) -> None:
         values = posterior.of(name).ravel()
-        unit, self.factor = unit_of(float(np.median(values)), kind_of_quantity(name))
+        unit, self.factor = style.unit_of(float(np.median(values)), kind_of_quantity(name))
         words = textwrap.fill(label(name), _LETTERS)
         self.label = f"{words}\n({unit})" if unit else words
         self.draws = values / self.factor
@@ -116,26 +101,23 @@ class _Column:
         low, high = np.quantile(self.draws, (_MARGIN, 1.0 - _MARGIN))
         # A quantity known to its order of magnitude at best is one spike on an even axis.
         self.scale = "log" if low > 0.0 and high / low > _DECADES else "linear"
-        if self.scale == "log":
-            room = (high / low) ** 0.05
-            self.window = (float(low / room), float(high * room))
-            self.edges = np.geomspace(*self.window, _BINS + 1)
-        else:
-            room = 0.05 * (high - low)
-            self.window = (float(low - room), float(high + room))
-            self.edges = np.linspace(*self.window, _BINS + 1)
+        ends = np.log([low, high]) if self.scale == "log" else np.array([low, high])
+        room = 0.05 * np.ptp(ends)
+        even = np.linspace(ends[0] - room, ends[1] + room, _BINS + 1)
+        self.edges = np.exp(even) if self.scale == "log" else even
+        self.window = (float(self.edges[0]), float(self.edges[-1]))
 
     def draw(self, cell: Axes) -> None:
         """Draw the histogram, with prior, median and true value."""
         shares = np.histogram(self.draws, self.edges)[0] / len(self.draws)
-        cell.stairs(shares, self.edges, fill=True, color=FIT, alpha=0.8)
+        cell.stairs(shares, self.edges, fill=True, color=style.FIT, alpha=0.8)
         if self.prior is not None:
             # Each quantile stands for an equal share of the prior, most of which may lie outside the picture.
             below = np.interp(self.edges, self.prior, (np.arange(len(self.prior)) + 0.5) / len(self.prior))
-            cell.stairs(np.diff(below), self.edges, color=YELLOW, lw=1.2, baseline=None)
+            cell.stairs(np.diff(below), self.edges, color=style.YELLOW, lw=1.2, baseline=None)
         cell.axvline(float(np.median(self.draws)), color="white", lw=0.8)
         if self.truth is not None:
-            cell.axvline(self.truth, color=REFERENCE, ls="--", lw=1.0)
+            cell.axvline(self.truth, color=style.REFERENCE, ls="--", lw=1.0)
         cell.set_ylim(0.0, 1.1 * float(np.max(shares)))
 
 
@@ -147,12 +129,12 @@ def _pair(cell: Axes, across: _Column, up: _Column) -> None:
     levels = [float(ordered[np.searchsorted(mass, share)]) for share in _MASSES]
     middle = (0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]))
     if levels[0] < levels[1] < ordered[0]:
-        cell.contourf(*middle, smooth, levels=[*levels, float(ordered[0])], colors=["#a6cde4", FIT])
+        cell.contourf(*middle, smooth, levels=[*levels, float(ordered[0])], colors=["#a6cde4", style.FIT])
     else:
-        cell.plot(across.draws, up.draws, ",", color=FIT)
+        cell.plot(across.draws, up.draws, ",", color=style.FIT)
     for value, line in ((across.truth, cell.axvline), (up.truth, cell.axhline)):
         if value is not None:
-            line(value, color=REFERENCE, ls="--", lw=0.9)
+            line(value, color=style.REFERENCE, ls="--", lw=0.9)
 
 
 def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: int) -> None:
@@ -164,7 +146,7 @@ def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: in
     else:
         _scaled(cell.yaxis, cell.set_yscale, up)
         cell.set_ylim(up.window)
-        cell.grid(color=GREY, lw=0.3, alpha=0.5)
+        cell.grid(color=style.GREY, lw=0.3, alpha=0.5)
     if i == last:
         cell.set_xlabel(across.label)
         cell.tick_params(axis="x", rotation=45)
@@ -209,28 +191,27 @@ def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) 
     depth, force = band.depth[order], band.force[order]
     model, reading = band.model[:, order], band.reading[:, order]
     middle = len(model) // 2
-    length, mm = unit_for(depth, "length")
-    load, mN = unit_for(force, "force")
-    small, uN = unit_for(force - model[middle], "force")
-    with style():
-        upper, lower = with_strip(axes(ax, height=3.4), share=0.4)
+    length, mm = style.unit_for(depth, "length")
+    load, mN = style.unit_for(force, "force")
+    small, uN = style.unit_for(force - model[middle], "force")
+    with style.style():
+        upper, lower = style.with_strip(style.axes(ax, height=3.4), share=0.4)
         for target, unit, base in ((upper, mN, np.zeros_like(force)), (lower, uN, model[middle])):
             target.fill_between(
                 depth / mm, (reading[0] - base) / unit, (reading[-1] - base) / unit,
-                color=SKY, alpha=0.35, lw=0.0, label="95 % of new readings",
+                color=style.SKY, alpha=0.35, lw=0.0, label="95 % of new readings",
             )  # fmt: skip
-            target.plot(depth / mm, (force - base) / unit, ".", ms=1.8, color=DATA, label="measured")
+            target.plot(depth / mm, (force - base) / unit, ".", ms=1.8, color=style.DATA, label="measured")
             target.fill_between(
                 depth / mm, (model[0] - base) / unit, (model[-1] - base) / unit,
-                color=FIT, lw=0.8, label="95 % of the model",
+                color=style.FIT, lw=0.8, label="95 % of the model",
             )  # fmt: skip
         upper.tick_params(labelbottom=False)
         upper.set_ylabel(f"force ({load})")
         upper.legend(loc="upper left")
         if len(posterior.predictive) > 1:
             upper.set_title(f"curve {curve + 1}")
-        lower.set_xlabel(f"depth ({length})")
-        lower.set_ylabel(f"less the median ({small})")
+        lower.set(xlabel=f"depth ({length})", ylabel=f"less the median ({small})")
     return upper
 
 
@@ -252,30 +233,40 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     value, error = walk.fit.values[walk.name], walk.fit.stderr[walk.name]
-    unit, factor = unit_of(value, kind_of(walk.name))
+    unit, factor = style.unit_of(value, kind_of(walk.name))
     top = 1.25 * max(walk.threshold(0.95), float(walk.delta_chi_square.min()))
     parts = [walk, *(branch for branch in walk.branches if branch.delta_chi_square.min() < top)]
-    with style():
-        ax = axes(ax, height=2.3)
-        ax.plot(walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=FIT, label="profile")
+    with style.panel(ax, height=2.3) as drawn:
+        drawn.plot(
+            walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=style.FIT, label="profile"
+        )
         for number, branch in enumerate(parts[1:]):
-            ax.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=ACCENT,
+            drawn.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=style.ACCENT,
                     label="" if number else "about another optimum")  # fmt: skip
         if np.isfinite(error) and error > 0.0:
             # By its own width: it may be a hundredth of the profile's, or stand beside it.
             z = np.sqrt(top) * np.linspace(-1.0, 1.0, 201)
-            ax.plot((value + z * error) / factor, z * z, "-", lw=0.9, color=REFERENCE, label="standard error")
-        ax.set_ylim(0.0, top)
+            drawn.plot(
+                (value + z * error) / factor,
+                z * z,
+                "-",
+                lw=0.9,
+                color=style.REFERENCE,
+                label="standard error",
+            )
+        drawn.set_ylim(0.0, top)
         ends = np.array([value, *(end for part in parts for end in _reach(part, top))]) / factor
         room = 0.05 * np.ptp(ends)
-        ax.set_xlim(ends.min() - room, ends.max() + room)
-        _shade(ax, walk, factor)
+        drawn.set_xlim(ends.min() - room, ends.max() + room)
+        _shade(drawn, walk, factor)
         for level, line in _LEVELS:
-            _draw_threshold(ax, walk, level, line, factor)
-        ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
-        ax.set_ylabel("(deviate of the level)²" if walk.averaged else "rise of chi-square")
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
-    return ax
+            _draw_threshold(drawn, walk, level, line, factor)
+        drawn.set(
+            xlabel=style.with_unit(label(walk.name), unit),
+            ylabel="(deviate of the level)²" if walk.averaged else "rise of chi-square",
+        )
+        drawn.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    return drawn
 
 
 def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:
@@ -287,7 +278,7 @@ def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:
     ends = np.array(parts)
     ends[0, 0], ends[-1, 1] = min(ends[0, 0], whole.low), max(ends[-1, 1], whole.high)
     for low, high in np.clip(ends / factor, *edges):
-        ax.axvspan(low, high, color=SKY, alpha=0.25, lw=0.0)
+        ax.axvspan(low, high, color=style.SKY, alpha=0.25, lw=0.0)
 
 
 def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, factor: float) -> None:
@@ -301,9 +292,9 @@ def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, 
     middle = float(walk.fit.vector[walk.index])
     below, above = (np.square(walk.limit(level, upper=upper)(q)) for upper in (False, True))
     rise = np.where(q < middle, below, above)
-    ax.plot(x, rise, ls=line, lw=0.8, color=DATA)
+    ax.plot(x, rise, ls=line, lw=0.8, color=style.DATA)
     ax.text(1.005, rise[-1], f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
-            ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
+            ha="left", va="center", size=7.0, color=style.DATA)  # fmt: skip
 
 
 def _profile_scaled(walk: LikelihoodProfile, value: float) -> float:

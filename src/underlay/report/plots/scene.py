@@ -5,6 +5,8 @@ The drawing shows indenter, layer, substrate and contact; the effects are compar
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -12,23 +14,9 @@ from underlay._arrays import FloatArray
 from underlay.mechanics.body import Base
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import numbers_of
-from underlay.report.plots.style import (
-    COLUMN,
-    GREY,
-    INK,
-    LAYER,
-    METAL,
-    SUBSTRATE,
-    axes,
-    in_words,
-    style,
-    unit_for,
-    unit_of,
-)
+from underlay.report.plots import style
 from underlay.scene.effects import effect_sizes
 from underlay.scene.scene import Scene
-
-__all__ = ["effects", "material_words", "scene"]
 
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
@@ -75,14 +63,18 @@ def scene(
     law = test.contact_law(pressed, solver=solver)
     tip = float(test.instrument.chain.tip_depth(law, np.array([float(depth)]))[0])
     radius = float(law.contact_radius(np.array([max(tip, 0.0)]))[0])
-    size = radius or max(tip, 1e-3 * _length_of(test))
+    # Of a test that does not touch: its thickness, or else the radius of the tip.
+    lengths = [one for one in (test.layer.thickness, test.indenter.max_radius) if np.isfinite(one)]
+    size = radius or max(tip, 1e-3 * float((*lengths, 1e-3)[0]))
     thick = test.layer.thickness
     shown = min(thick, _DEEPEST * size)
     half = max(_WIDTH * size, 0.9 * shown)
-    unit, factor = unit_of(max(half, shown), "length")
-    with style():
-        beside = _names_beside(test) and shown == thick
-        ax = axes(ax, width=COLUMN + (_BESIDE if beside else 0.0), height=2.6)
+    unit, factor = style.unit_of(max(half, shown), "length")
+    with style.style():
+        # The names of the layers may be too long to be written inside the picture.
+        long = len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
+        beside = long and shown == thick
+        ax = style.axes(ax, width=style.COLUMN + (_BESIDE if beside else 0.0), height=2.6)
         top = 0.55 * half
         deeper = sum(layer.thickness for layer in test.layers[1:])
         room = max(0.35 * half, min(1.2 * deeper, half)) if shown == thick else 0.0
@@ -99,16 +91,10 @@ def scene(
         else:
             _write(ax, test, (half, shown, bottom, top), factor)
         _mark_contact(ax, test, tip, radius, factor)
-        ax.set_xlabel(f"distance from the axis ({unit})")
-        ax.set_ylabel(f"height ({unit})")
+        ax.set(xlabel=f"distance from the axis ({unit})", ylabel=f"height ({unit})")
         if title:
             ax.set_title(title)
     return ax
-
-
-def _length_of(test: Scene) -> float:
-    finite = test.layer.thickness if np.isfinite(test.layer.thickness) else test.indenter.max_radius
-    return float(finite) if np.isfinite(finite) else 1e-3
 
 
 def _draw_layer(
@@ -126,15 +112,15 @@ def _draw_layer(
         under = r <= test.indenter.max_radius
         surface[under] = np.minimum(surface[under], test.indenter.surface(r[under]) - tip)
     both, height = _mirrored(r, surface)
-    ax.fill_between(both / factor, -shown / factor, height / factor, color=LAYER, lw=0.0)
-    ax.plot(both / factor, height / factor, color=INK, lw=0.9)
+    ax.fill_between(both / factor, -shown / factor, height / factor, color=style.LAYER, lw=0.0)
+    ax.plot(both / factor, height / factor, color=style.INK, lw=0.9)
 
 
 def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float) -> None:
     """Draw what is under the top layer, and the lower faces of the layers: broken where they are not bonded."""
     sides = [-half / factor, half / factor]
     depth = test.layer.thickness
-    ax.fill_between(sides, bottom / factor, -depth / factor, color=SUBSTRATE, lw=0.0)
+    ax.fill_between(sides, bottom / factor, -depth / factor, color=style.SUBSTRATE, lw=0.0)
     layers = test.layers
     for number, layer in enumerate(layers[1:]):
         lower = min(depth + layer.thickness, -bottom)
@@ -143,12 +129,9 @@ def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float
         depth = lower
     for face, layer in zip(np.cumsum([layer.thickness for layer in layers]), layers, strict=True):
         if -face > bottom:
-            ax.axhline(-face / factor, color=INK, lw=0.9, ls="-" if layer.held.bond == "bonded" else "--")
-
-
-def _names_beside(test: Scene) -> bool:
-    """Whether the names of the layers are too long to be written inside the picture."""
-    return len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
+            ax.axhline(
+                -face / factor, color=style.INK, lw=0.9, ls="-" if layer.held.bond == "bonded" else "--"
+            )
 
 
 def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], factor: float) -> None:
@@ -159,39 +142,34 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
         middles.append(-min(depth + 0.5 * layer.thickness, 0.995 * -bottom))
         depth += layer.thickness
         bond = _BONDS.get(str(layer.bond), ",\non springs")
-        names.append(f"{in_words(layer.thickness, 'length')}, {material_words(layer.material)}{bond}")
+        names.append(f"{style.in_words(layer.thickness, 'length')}, {material_words(layer.material)}{bond}")
     middles.append(0.5 * (bottom - min(depth, -bottom)))
     names.append(material_words(test.base))
     lines = np.array([1.0 + name.count("\n") for name in names])
     inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
-    places = _spread(np.array(middles), lines * _LINE * inch, bottom)
+    places = style.apart(np.array(middles), lines * _LINE * inch, bottom)
     along = ax.get_yaxis_transform()
     for name, middle, place in zip(names, middles, places.tolist(), strict=True):
         ax.plot(
-            [1.0, 1.04], [middle / factor, place / factor], transform=along, color=INK, lw=0.6, clip_on=False
+            [1.0, 1.04],
+            [middle / factor, place / factor],
+            transform=along,
+            color=style.INK,
+            lw=0.6,
+            clip_on=False,
         )
         ax.text(1.05, place / factor, name, transform=along, va="center", ha="left")
-
-
-def _spread(wanted: FloatArray, heights: FloatArray, bottom: float) -> FloatArray:
-    """Return heights (n,) for labels near those wanted, from the top down, so that labels do not overlap.
-
-    `heights` are the labels' own heights (n,); the last stays above `bottom`.
-    """
-    places = wanted.copy()
-    places[-1] = max(places[-1], bottom + 0.5 * heights[-1])
-    for n in range(len(places) - 2, -1, -1):
-        places[n] = max(places[n], places[n + 1] + 0.5 * (heights[n] + heights[n + 1]))
-    return places
 
 
 def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
     reach = min(half, test.indenter.max_radius)
     r = np.linspace(0.0, reach, _POINTS)
     both, height = _mirrored(r, test.indenter.surface(r) - tip)
-    ax.fill_between(both / factor, height / factor, top / factor, where=height < top, color=METAL, lw=0.0)
+    ax.fill_between(
+        both / factor, height / factor, top / factor, where=height < top, color=style.METAL, lw=0.0
+    )
     inside = height < top
-    ax.plot(both[inside] / factor, height[inside] / factor, color=INK, lw=0.9)
+    ax.plot(both[inside] / factor, height[inside] / factor, color=style.INK, lw=0.9)
 
 
 def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], factor: float) -> None:
@@ -201,14 +179,14 @@ def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], fac
     layer = f"layer, {material_words(test.layer.material)}"
     thick = test.layer.thickness
     if shown < thick:
-        below = f"goes on to {in_words(thick, 'length')}" if np.isfinite(thick) else "a half-space"
+        below = f"goes on to {style.in_words(thick, 'length')}" if np.isfinite(thick) else "a half-space"
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
         return
     words = f"substrate, {material_words(test.base)}"
     if shown < _THIN * (top - bottom):
         # No room for words in a thin layer: they stand below it.
-        words = f"{layer}, {in_words(thick, 'length')} thick\n{words}"
+        words = f"{layer}, {style.in_words(thick, 'length')} thick\n{words}"
     else:
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         _write_thickness(ax, thick, 0.86 * half, factor)
@@ -218,14 +196,16 @@ def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], fac
 def _mark_contact(ax: Axes, test: Scene, tip: float, radius: float, factor: float) -> None:
     if radius > 0.0:
         edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
-        ax.plot([-radius / factor, radius / factor], [edge / factor] * 2, "o", color=INK, ms=2.5)
-        ax.set_title(f"depth {in_words(tip, 'length')}, contact radius {in_words(radius, 'length')}")
+        ax.plot([-radius / factor, radius / factor], [edge / factor] * 2, "o", color=style.INK, ms=2.5)
+        ax.set_title(
+            f"depth {style.in_words(tip, 'length')}, contact radius {style.in_words(radius, 'length')}"
+        )
 
 
 def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
-    arrow = {"arrowstyle": "<->", "color": INK, "lw": 0.8}
+    arrow = {"arrowstyle": "<->", "color": style.INK, "lw": 0.8}
     ax.annotate("", (x / factor, 0.0), (x / factor, -thick / factor), arrowprops=arrow)
-    words = in_words(thick, "length")
+    words = style.in_words(thick, "length")
     ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
 
 
@@ -234,7 +214,7 @@ def material_words(material: Base | None) -> str:
     numbers = {} if material is None else numbers_of(material)
     if not numbers:
         return "rigid"
-    return f"E = {in_words(numbers['E'].value, 'pressure')}, ν = {numbers['nu'].value:.3g}"
+    return f"E = {style.in_words(numbers['E'].value, 'pressure')}, ν = {numbers['nu'].value:.3g}"
 
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -274,28 +254,19 @@ def effects(
     deepest = _usual_depth(scene) if max_depth is None else max_depth
     sizes = effect_sizes(scene, deepest * np.geomspace(_SHALLOWEST, 1.0, _EFFECTS_POINTS), wanted)
     depth = sizes.pop("depth").to_numpy()
-    length, unit = unit_for(depth, "length")
-    with style():
-        drawn = axes(ax, height=3.2)
+    length, unit = style.unit_for(depth, "length")
+    with style.panel(ax, height=3.2) as drawn:
         for name, size in sizes.items():
             if not size.any():  # nothing has no place on a logarithmic axis
                 continue
-            drawn.loglog(
-                depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
-            )
+            label = f"{name} ({100.0 * size.iloc[-1]:+.3g} %)"
+            drawn.loglog(depth / unit, 100.0 * np.abs(size.to_numpy()), label=label)
         if wanted.tolerance:
-            drawn.axhline(100.0 * wanted.tolerance, color=GREY, ls=":", lw=1.0)
-            drawn.annotate(
-                f"rtol = {wanted.tolerance:g}",
-                # On the right, where effects are large.
-                (0.99, 100.0 * wanted.tolerance),
-                xycoords=("axes fraction", "data"),
-                ha="right",
-                va="bottom",
-                fontsize=7.0,
-            )
-        drawn.set_xlabel(f"depth since contact ({length})")
-        drawn.set_ylabel("change of the force (%)")
+            drawn.axhline(100.0 * wanted.tolerance, color=style.GREY, ls=":", lw=1.0)
+            # On the right, where effects are large.
+            how: dict[str, Any] = {"transform": drawn.get_yaxis_transform(), "ha": "right", "va": "bottom"}
+            drawn.text(0.99, 100.0 * wanted.tolerance, f"rtol = {wanted.tolerance:g}", **how, fontsize=7.0)
+        drawn.set(xlabel=f"depth since contact ({length})", ylabel="change of the force (%)")
         if len(sizes.columns):
             drawn.legend(
                 loc="lower left",
@@ -305,10 +276,6 @@ def effects(
                 alignment="left",
             )
     return drawn
-
-
-def _label(name: str, size: float) -> str:
-    return f"{name} ({100.0 * size:+.3g} %)"
 
 
 def _usual_depth(scene: Scene) -> float:

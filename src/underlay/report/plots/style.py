@@ -22,37 +22,6 @@ from underlay._files import write_atomic
 from underlay.errors import InputError
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
-__all__ = [
-    "ACCENT",
-    "COLUMN",
-    "DATA",
-    "DIVERGING",
-    "FIT",
-    "GREY",
-    "INK",
-    "LAYER",
-    "METAL",
-    "PAGE",
-    "PURPLE",
-    "REFERENCE",
-    "SEQUENTIAL",
-    "SKY",
-    "SOFT",
-    "SUBSTRATE",
-    "SYSTEMATIC",
-    "YELLOW",
-    "Axes",
-    "axes",
-    "drawn",
-    "in_words",
-    "inline_svg",
-    "save",
-    "style",
-    "unit_for",
-    "unit_of",
-    "with_strip",
-]
-
 #: Width of one journal column, and of the full page (inches).
 COLUMN, PAGE = 3.5, 7.2
 #: By role: data, model, comparison, contact. Hues of Okabe and Ito, dark enough for words (4.5:1 on white) but
@@ -133,6 +102,13 @@ def axes(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Axes:
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
 
 
+@contextmanager
+def panel(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Iterator[Axes]:
+    """Draw with the style of this package into what `axes` returns, inside a ``with`` block."""
+    with style():
+        yield axes(ax, width=width, height=height)
+
+
 def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
     """Divide axes: their lower `share` becomes a strip with the same x axis.
 
@@ -160,6 +136,21 @@ def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
     return ax, figure.add_axes((box.x0, box.y0, box.width, (share - 0.05) * box.height), sharex=ax)
 
 
+def apart(wanted: FloatArray, heights: FloatArray, low: float, high: float = np.inf) -> FloatArray:
+    """Return places (n,) for labels near those wanted, from the top down, so that no two overlap.
+
+    `heights` are the labels' own heights (n,); they stay between `low` and `high` as far as there is room.
+    """
+    places, room = wanted.copy(), 0.5 * heights
+    places[-1] = max(places[-1], low + room[-1])
+    for n in range(len(places) - 2, -1, -1):
+        places[n] = max(places[n], places[n + 1] + room[n] + room[n + 1])
+    places[0] = min(places[0], high - room[0])
+    for n in range(1, len(places)):
+        places[n] = min(places[n], places[n - 1] - room[n] - room[n - 1])
+    return places
+
+
 def unit_for(values: FloatArray, kind: str) -> tuple[str, float]:
     """Return the unit that suits the largest of `values` (SI): printed name and SI value."""
     return unit_of(float(np.max(np.abs(values), initial=0.0)), kind)
@@ -169,6 +160,11 @@ def unit_of(value: float, kind: str) -> tuple[str, float]:
     """Return the unit that suits `value` (SI): printed name and SI value."""
     unit, factor = human_unit(value, kind)
     return printed_unit(unit), factor
+
+
+def with_unit(words: str, unit: str) -> str:
+    """Return the words of an axis with its unit in brackets, where it has one."""
+    return f"{words} ({unit})" if unit else words
 
 
 def in_words(value: float, kind: str, uncertainty: float | None = None, *, digits: int = 4) -> str:
