@@ -163,10 +163,10 @@ def test_what_the_others_pull_back_in_leaves_its_end():
     np.testing.assert_allclose(step, lowest[None], rtol=1e-12)
     assert gain[0] == pytest.approx(lowest @ normal @ lowest, rel=1e-12)
     # Where it is pulled out there too, it stays.
-    beyond = np.array([0.5, 0.25])
+    beyond = np.array([1.0, 0.5])
     here = Places(np.zeros((1, 2)), np.ones(1), -(normal @ beyond)[None], normal[None])
     step, _, _ = damped_steps(here, np.zeros(1), np.ones(2, dtype=bool), *ends)
-    np.testing.assert_allclose(step, [[0.5 + 0.9 * 0.25, 0.0]], rtol=1e-12)
+    np.testing.assert_allclose(step, [[1.0 + 0.9 * 0.5, 0.0]], rtol=1e-12)
 
 
 def test_no_search_ends_at_a_bound_that_the_data_pull_away_from():
@@ -284,9 +284,9 @@ def test_a_search_is_told_what_its_next_step_promises():
 @pytest.mark.parametrize(
     ("step", "gain", "words"),
     [
-        (1.0, 3e-4, "the valley goes on and gains nothing"),
-        (1.0, 1e-3, ""),
-        (0.97, 3e-4, ""),
+        (3.0, 3e-4, "the valley goes on and gains nothing"),
+        (3.0, 1e-3, ""),
+        (2.9, 3e-4, ""),
         (0.1, 1e-9, "the last step gained nothing"),
     ],
 )

@@ -14,7 +14,7 @@ import numpy as np
 import underlay as ul
 from support import afm_files, hand_overs, instrument_files, microscope_files
 from support.posterior_cases import halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.cli.report import _read_record
+from underlay.cli.report import _Asked
 from underlay.data.export import write_curves
 from underlay.inference.batch.decisions import is_map, read_map
 from underlay.inference.batch.journal import Journal
@@ -108,7 +108,8 @@ def _manifests(_):
 
 def _records(folder):
     result = ul.fit(halfspace_problem(_read_curve(folder)))
-    yield Seed("fit record", "fit", ".json", result.to_json(folder / "x.fit.json").read_bytes(), _read_record)
+    record = result.to_json(folder / "x.fit.json").read_bytes()
+    yield Seed("fit record", "fit", ".json", record, partial(_Asked, None))
 
 
 def _read_curve(folder):

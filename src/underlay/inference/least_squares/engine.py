@@ -22,9 +22,8 @@ from underlay.inference.model.coordinates import SHORTEST
 
 __all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_steps", "descend", "minimise"]
 
-#: A step is cut to this in every scaled coordinate: a factor e of a modulus, a range of the curve. Cut to 3,
-#: searches reach the same minima (tests/studies/starts.py), by laws of thin layers that cost ten times as much.
-LONGEST = 1.0
+#: A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
+LONGEST = 3.0
 # Damping (over columns of unit length) beyond which no step leads down; factors on it after a step that did, and
 # after one that did not.
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
@@ -44,7 +43,12 @@ _STILL = 1e-9
 
 
 def damped_steps(
-    places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
+    places: Places,
+    damping: FloatArray,
+    active: NDArray[np.bool_],
+    low: FloatArray,
+    high: FloatArray,
+    longest: float = LONGEST,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Levenberg-Marquardt steps from s points at once, kept within limits.
 
@@ -58,6 +62,8 @@ def damped_steps(
         Parameters that may change.
     low, high : FloatArray
         Lowest and highest change of each scaled parameter, (s, k).
+    longest : float
+        Largest change of any scaled parameter.
 
     Returns
     -------
@@ -87,9 +93,9 @@ def damped_steps(
     if beyond.any():
         step, held = _kept_inside(places, step, beyond, which, norms, damping, low, high)
     length = np.abs(step).max(axis=1, initial=0.0)
-    if (length > LONGEST).any():
-        step *= (LONGEST / np.maximum(length, LONGEST))[:, None]
-        length = np.minimum(length, LONGEST)
+    if (length > longest).any():
+        step *= (longest / np.maximum(length, longest))[:, None]
+        length = np.minimum(length, longest)
     if not held.any():
         return step, -np.einsum("sk,sk->s", step, gradient), length
     gain = -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
@@ -235,6 +241,8 @@ class Search:
     straight : float
         A short undamped step is the last if the curvature of the models over it is estimated to be worth less than
         this share of a standard error.
+    longest : float
+        A step is cut to this in every scaled coordinate.
     """
 
     steps: int = 60
@@ -245,6 +253,7 @@ class Search:
     walled: float = 0.0
     swinging: float = 0.0
     straight: float = 0.0
+    longest: float = LONGEST
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
         """Whether reductions `gain` (s,) of sums of squares `square` (s,) are too small to continue."""
@@ -491,7 +500,7 @@ class _Running(NamedTuple):
         courses = [steps.at(here) for steps in objective.courses]
         for course in courses:
             low, high = course.straight(low), course.straight(high)
-        step, gain, length = damped_steps(self.now, self.damping, active, low, high)
+        step, gain, length = damped_steps(self.now, self.damping, active, low, high, search.longest)
         little = search.is_little(gain, self.best.square)
         little |= length <= SHORTEST
         if search.straight and not little.all() and (length <= HAIR).any():
@@ -503,7 +512,7 @@ class _Running(NamedTuple):
             step = np.where(made[:, None], step, 0.0)
         change = step
         for course in courses:
-            change = course.changes(change, LONGEST)
+            change = course.changes(change, search.longest)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
 
@@ -556,7 +565,7 @@ class _Running(NamedTuple):
         endless = lower & (-change <= search.endless * best.square)
         if endless.any():
             # An uphill step and the one that leads back down count as one step along the valley.
-            endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= LONGEST
+            endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= search.longest
         endless |= lower & self.refused & (-change <= search.walled * best.square)
         endless |= lower & self.swung & (-change <= search.swinging * best.square)
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING

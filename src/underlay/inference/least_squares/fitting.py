@@ -55,7 +55,7 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 # 1.2 times one on blocks with 1000 readings, twice with 3000.
 _FEW_POINTS = 2000
 # Steps of a first search on all readings from the best start: along a valley without an end blocks are less work.
-_QUICKLY = 7
+_QUICKLY = 5
 # A start from which a search goes further than this in a scaled coordinate was no good one.
 _FAR = 6.0
 # Times that the readings beside a jump are chosen at most; the second mostly confirms the first.

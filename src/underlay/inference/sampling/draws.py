@@ -23,7 +23,8 @@ from underlay.inference.uncertainty.adapt import Kernels
 from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.inference.uncertainty.linear import Mixture
 from underlay.inference.uncertainty.mixture import pareto_shape, weighted_quantiles
-from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, NothingDrawnError, Reading
+from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
+from underlay.inference.uncertainty.tree import NothingDrawnError
 
 __all__ = ["Proposal", "Source", "Target", "WeightedDraws", "differs", "weigh"]
 

@@ -19,14 +19,10 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.seen import Seen
     from underlay.inference.uncertainty.weighed import Weighed
 
-__all__ = ["DrawnReading", "LinearReading", "NothingDrawnError", "OpenReading", "Reading", "widened"]
+__all__ = ["DrawnReading", "LinearReading", "OpenReading", "Reading", "widened"]
 
 # Default number of draws of a result in closed form.
 _DRAWS = 2000
-
-
-class NothingDrawnError(RuntimeError):
-    """No draw has a density: where the likelihood leads there is no contact law, or it is out of bounds."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.adapt import Kernels, Pool
 from underlay.inference.uncertainty.density import Density
 from underlay.inference.uncertainty.proposal import Proposal, conditionals
-from underlay.inference.uncertainty.reading import NothingDrawnError
-from underlay.inference.uncertainty.tree import noise_entries, straight
+from underlay.inference.uncertainty.tree import NothingDrawnError, noise_entries, straight
 from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
 
 if TYPE_CHECKING:

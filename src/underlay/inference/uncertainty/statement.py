@@ -20,7 +20,8 @@ from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, 
 from underlay.inference.uncertainty.budget import Refit, Source, sensitivities, sources_of
 from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.inference.uncertainty.mixture import weighted_quantiles
-from underlay.inference.uncertainty.reading import NothingDrawnError, OpenReading, Reading, widened
+from underlay.inference.uncertainty.reading import OpenReading, Reading, widened
+from underlay.inference.uncertainty.tree import NothingDrawnError
 from underlay.inference.uncertainty.verdict import verdict_of
 from underlay.scene.parameters import declared, kind_of
 from underlay.units import KINDS

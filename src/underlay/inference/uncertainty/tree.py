@@ -25,13 +25,17 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.parameters import declared
 
-__all__ = ["Blocks", "CurveModel", "Tangent", "bending", "curve_models", "resolution"]
+__all__ = ["Blocks", "CurveModel", "NothingDrawnError", "Tangent", "bending", "curve_models", "resolution"]
 
 _MOST, _MOST_FINE = 400, 1200  # largest number of blocks of a curve; of a curve that is fast near contact
 # Largest width of a block near contact, and the distance that counts as near: shares of the largest depth.
 _WIDEST, _NEAR = 0.03, 0.2
 _APPROACH = 2.0  # depth before contact that is kept, in largest indentation depths
 _REPEATS = 0.2  # share of equal successive readings from which readings are taken as rounded
+
+
+class NothingDrawnError(RuntimeError):
+    """No draw has a density: where the likelihood leads there is no contact law, or it is out of bounds."""
 
 
 @dataclass(frozen=True)

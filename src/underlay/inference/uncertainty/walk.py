@@ -13,8 +13,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.density import Density, Place
-from underlay.inference.uncertainty.reading import NothingDrawnError
-from underlay.inference.uncertainty.tree import tangents
+from underlay.inference.uncertainty.tree import NothingDrawnError, tangents
 
 __all__ = ["Node", "bends_of", "walk"]
 
