@@ -345,7 +345,7 @@ class Evil:
         ("chain", b"text", "magic"),
         ("log_posterior", array(np.ones(4)), "log_posterior must be"),
         ("predictive/0/model", array(np.ones((5, 3))), "predictive/0/model must be"),
-        ("about", array(np.array("[" * 9000)), "nested too deeply"),
+        ("about", array(np.array("[" * 200_000)), "nested too deeply"),
         ("about", array(np.array("{}")), "lacks 'format'"),
         ("about", None, "lacks 'about'"),
     ],
