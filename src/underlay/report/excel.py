@@ -39,12 +39,6 @@ if TYPE_CHECKING:
 MOST_ROWS, _LONGEST = 1_048_575, 32_767
 # Pixels of the widest column.
 _WIDEST = 425
-_OPTIONS = {
-    "in_memory": True,
-    "strings_to_formulas": False,
-    "strings_to_urls": False,
-    "strings_to_numbers": False,
-}
 _CONTACT = "instrument.contact_depth"
 #: What an Excel file can hold: fits or the table of a map, and what was made of them.
 _Reported: TypeAlias = Fit | PointwiseModulus | Population | pd.DataFrame
@@ -99,12 +93,22 @@ def workbook(sheets: Mapping[str, pd.DataFrame]) -> bytes:
                 f"a sheet of Excel holds {MOST_ROWS} rows; {name!r} has {len(table)}: write CSV instead"
             )
     stream = io.BytesIO()
-    with pd.ExcelWriter(stream, engine="xlsxwriter", engine_kwargs={"options": _OPTIONS}) as book:
+    with pd.ExcelWriter(stream, engine="xlsxwriter", engine_kwargs={"options": {"in_memory": True}}) as book:
         for name, table in sheets.items():
             cells = table.rename(columns=_cell).astype(object).map(_cell)
+            # Text stays text, whatever it begins with: up to 3.3.0 xlsxwriter's own options let {=A1} through.
+            book.book.add_worksheet(name).add_write_handler(str, _as_text)
             cells.to_excel(book, sheet_name=name, index=False, freeze_panes=(1, 0))
             book.sheets[name].autofit(_WIDEST)
     return stream.getvalue()
+
+
+def _as_text(sheet: Any, *cell: Any) -> Any:
+    """Write a cell of text, given as (row, column, text, format), as text: never as a formula or a link.
+
+    None for an empty text, which is a missing value: the writer then leaves the cell empty.
+    """
+    return sheet.write_string(*cell) if cell[2] else None
 
 
 def _cell(value: Any) -> Any:
