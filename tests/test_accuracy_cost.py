@@ -118,7 +118,7 @@ def test_what_cannot_be_compared_is_refused():
 
 def test_the_picture_shows_every_method_that_answers(table):
     drawn = plots.accuracy_cost(table)
-    assert {"exact 1e-06", "auto 1e-04", "halfspace", "explicit 4", "garcia2018"} <= named(drawn)
+    assert {"exact 1e-6", "auto 1e-4", "half-space", "explicit 4", "Garcia 2018"} <= named(drawn)
     assert drawn.get_xscale() == drawn.get_yscale() == "log"
     plt.close(drawn.figure)
     with pytest.raises(ul.InputError, match="'cold' or 'held'"):
@@ -187,8 +187,8 @@ def test_longer_chains_come_closer_and_the_panels_name_everything(table, answers
     assert 0.0 < drawn.attrs["reference_error"] < 0.2
     figure = plots.what_accuracy_costs(table, answers, drawn)
     force, answer, posterior = figure.axes
-    assert "halfspace" in named(force)
-    assert {"halfspace", "garcia2018", "exact 1e-02", "exact 1e-06"} <= named(answer)
+    assert "half-space" in named(force)
+    assert {"half-space", "Garcia 2018", "exact 1e-2", "exact 1e-6"} <= named(answer)
     assert {"emcee, 20 steps", "emcee, 300 steps", "fit, as a normal", "importance"} == named(posterior)
     assert figure.get_figwidth() == pytest.approx(PAGE)
     plt.close(figure)

@@ -376,3 +376,13 @@ def test_a_hold_alone_is_refused_as_one(kind, put, tmp_path):
     scene.write_text(scene_text("1 mm", curve='segment = "hold 3"'), encoding="utf-8")
     with pytest.raises(ul.CurveError, match="a hold alone"):
         ul.load_problem(put(file(20e3, 3), name), scene)
+
+
+@pytest.mark.parametrize("choice", ['segment = "ramp 9"', 'segment = "hold 9"', "step = 9"])
+@pytest.mark.parametrize("kind", STEPWISE)
+def test_a_step_that_is_not_there_is_refused_with_what_is(kind, choice, put, tmp_path):
+    file, name = STEPWISE[kind]
+    scene = tmp_path / "scene.toml"
+    scene.write_text(scene_text("1 mm", curve=choice), encoding="utf-8")
+    with pytest.raises(ul.CurveError, match=r"has no (ramp|hold|step) 9\b.*\b3\b"):
+        ul.load_problem(put(file(20e3, 3), name), scene)

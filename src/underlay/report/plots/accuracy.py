@@ -5,6 +5,7 @@ The names of methods are written in a column beside their points, in place of a 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -32,6 +33,7 @@ _COLOURS = {
     "halfspace": style.ACCENT,
 }
 _HEIGHT = 3.8
+_PUBLISHED = re.compile(r"([a-z]+)(\d+)(?:-(.+))?")
 # Of the exact law's tolerances: the others lie between.
 _NAMED, _NAMED_AUTO = (1e-1, 1e-2, 1e-4, 1e-6, 1e-10), 1e-4
 
@@ -207,7 +209,7 @@ def _draw(drawn: Axes, known: pd.DataFrame) -> None:
         series = known[known["form"] == form].sort_values("order")
         drawn.plot(series["x"], series["y"], "-", lw=0.5, color=_COLOURS[form], alpha=0.6)
     named = known.assign(colour=colours)[[_telling(row) for _, row in known.iterrows()]]
-    names = [method_label(row) for _, row in named.iterrows()]
+    names = [_in_words(method_label(row)) for _, row in named.iterrows()]
     _label_points(drawn, named["x"].tolist(), named["y"].tolist(), names, named["colour"].tolist())
 
 
@@ -216,6 +218,14 @@ def _colours(known: pd.DataFrame) -> list[str]:
         _COLOURS.get(form or method, style.DATA)
         for form, method in zip(known["form"], known["method"], strict=True)
     ]
+
+
+def _in_words(label: str) -> str:
+    """A method's label for people: ``"half-space"``, ``"exact 1e-6"``, ``"Garcia 2018"`` of ``"garcia2018"``."""
+    if published := _PUBLISHED.fullmatch(label):
+        author, year, variant = published.groups(default="")
+        return f"{author.capitalize()} {year}{f', {variant}' if variant else ''}"
+    return label.replace("halfspace", "half-space").replace("e-0", "e-")
 
 
 def _telling(row: pd.Series[Any]) -> bool:
