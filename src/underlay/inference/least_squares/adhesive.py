@@ -30,8 +30,8 @@ __all__ = ["about_adhesion", "adhesive_starts"]
 # Relative tolerance of the laws of a start.
 _RTOL = 1e-2
 _MODULUS, _WORK = "layer.E", "adhesion.work"
-# Moduli tried, over the modulus of a contact without adhesion. With thirteen of them, all of whose starts are searched
-# from, the sum of squares of 70 random tips ends lower by more than 0.01 variances in 7, and higher in 10.
+# Moduli tried, over the modulus of a contact without adhesion. With thirteen of them, all of whose starts are
+# searched from, the sum of squares of 70 random tips ends lower by more than 0.01 variances in 7, higher in 10.
 _MODULI = np.geomspace(0.05, 20.0, 7)
 # Works of adhesion tried where the curve shows no dip, over the scene's own.
 _WORKS = (0.01, 0.1, 1.0, 10.0)
