@@ -47,21 +47,18 @@ class Reading(ABC):
         """Scaled vector (k,) of the least-squares fit."""
         return np.asarray(self.likelihood.fit.vector)
 
-    @property
-    def corrected(self) -> FloatArray:
-        """`value` corrected for a step, a ramp or a turn where these have a probability above one half, (k,)."""
-        return self.value + self._correction
-
     @cached_property
-    def _correction(self) -> FloatArray:
-        """Mean shift (k,) by the hypotheses that correct the value; zero unless their probability exceeds 1/2."""
+    def corrected(self) -> FloatArray:
+        """`value`, or where a step, a ramp or a turn has a probability above one half, the value without it, (k,)."""
         mixture = self.likelihood.mixture
         moves = mixture.means - self.value
         acts = np.any(moves != 0.0, axis=1)
         share = float(mixture.weights[acts].sum())
-        if share <= 0.5:
-            return np.zeros(len(self.value))
-        return np.asarray(mixture.weights[acts] @ moves[acts] / share)
+        return self._without(mixture.weights[acts] @ moves[acts] / share) if share > 0.5 else self.value
+
+    def _without(self, shift: FloatArray) -> FloatArray:
+        """The value without the disturbances, whose mean shift to first order is `shift`, (k,)."""
+        return self.value + shift
 
     def edge(self, level: float) -> FloatArray:  # noqa: ARG002  a closed form has no ridge
         """Scaled vectors (m, k) along a ridge where the likelihood has dropped by the amount of the level.
@@ -157,6 +154,15 @@ class DrawnReading(Reading):
         low, high = widened(ends, self.edge(level)[:, index])
         open_low, open_high = self.ridge.open_ends(index, level)
         return (-np.inf if open_low else low), (np.inf if open_high else high)
+
+    def _without(self, shift: FloatArray) -> FloatArray:  # noqa: ARG002  the force is not linear over it
+        """Medians (k,) of the draws.
+
+        One step to first order is too far: of 24 to 40 curves with a step, an adhesive dip or a ramp that turns, E
+        and thickness free, it left the thickness off by 9, 34 and 16 % (root mean square), in some beside its own
+        interval; medians by 13, 10 and 12 %.
+        """
+        return np.array([weighted_quantiles(own, self.weights, np.array([0.5]))[0] for own in self.draws.T])
 
     def edge(self, level: float) -> FloatArray:
         """Scaled vectors (m, k) on the ridge where the likelihood has dropped by the amount of the level."""
