@@ -49,7 +49,7 @@ class Reading(ABC):
 
     @cached_property
     def corrected(self) -> FloatArray:
-        """`value`, or where a step, a ramp or a turn has a probability above one half, the value without it, (k,)."""
+        """`value`; the value without a step, a ramp or a turn that has a probability above one half, (k,)."""
         mixture = self.likelihood.mixture
         moves = mixture.means - self.value
         acts = np.any(moves != 0.0, axis=1)
