@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.mechanics.adhesion.jkr import jkr_branch
-from underlay.mechanics.adhesion.maugis import maugis_state
+from underlay.mechanics.adhesion.jkr import jkr_branch, maugis_state
 from underlay.mechanics.adhesion.radius_relation import solve_relation
 from underlay.mechanics.exact.contact_problem import weights_over_depth
 from underlay.mechanics.exact.nodes import even_rule

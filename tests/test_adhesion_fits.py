@@ -10,7 +10,7 @@ import pytest
 
 import underlay as ul
 from underlay.inference.least_squares import adhesive as adhesive_start
-from underlay.inference.profiles import delta_chi_square_at
+from underlay.inference.profiling.walked import delta_chi_square_at
 from underlay.inference.sampling.derived import derived_quantities
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))

@@ -15,9 +15,9 @@ from support.user_scenes import user_test
 from support.worlds import Clean, disturbed
 from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.projection import Point
-from underlay.inference.profiles import Interval, delta_chi_square_at
-from underlay.inference.profiling.profile_result import _constant, _crossing
+from underlay.inference.profiling.profile_result import Interval, _constant, _crossing
 from underlay.inference.profiling.walk import Walk
+from underlay.inference.profiling.walked import delta_chi_square_at
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage

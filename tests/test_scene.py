@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from underlay.quantities import kind_of
 from underlay.scene.instrument import Baseline, ContactDepth, Frame
-from underlay.scene.parameters import kind_of
 
 CARTILAGE = ul.Scene(
     ul.Sphere(1e-3),

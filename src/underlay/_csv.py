@@ -15,8 +15,6 @@ import pandas as pd
 
 from underlay._text import guarded_cell, unguarded_cell
 
-__all__ = ["csv_text", "numbered_rows", "unguarded"]
-
 
 def numbered_rows(
     text: str, most_columns: int, separator: str = ",", comment: str = ""

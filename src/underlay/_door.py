@@ -30,24 +30,6 @@ from typing import Any, TypeAlias
 from underlay._text import one_line
 from underlay.errors import FileAccessError, FileFormatError, UnderlayError
 
-__all__ = [
-    "FileKind",
-    "PathLike",
-    "open_zip",
-    "opened",
-    "parse_json",
-    "parse_toml",
-    "printable",
-    "read_bytes",
-    "read_member",
-    "read_start",
-    "read_text",
-    "require_regular",
-    "sha256_of",
-    "understood",
-    "unpacked",
-]
-
 PathLike: TypeAlias = str | os.PathLike[str]
 _MB = 1_000_000
 _PIECE, _LEAST = 16 * _MB, 65_536

@@ -13,8 +13,6 @@ from typing import BinaryIO
 
 from underlay.errors import FileAccessError
 
-__all__ = ["replacing", "require_own_folder", "require_writable_folder", "write_atomic"]
-
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
     r"""Write `content` to `path` completely or not at all; see `replacing`.

@@ -8,8 +8,6 @@ from numbers import Integral, Real
 
 from underlay.errors import InputError
 
-__all__ = ["columns_given", "require_count", "require_given", "require_level", "require_share"]
-
 _MADE_BY = {
     "Curve": "ul.read(file) reads one, ul.Curve(depth, force) makes one",
     "Fit": "ul.fit(problem) makes one",

@@ -7,8 +7,6 @@ import unicodedata
 from collections.abc import Iterable
 from itertools import islice
 
-__all__ = ["comment_line", "guarded_cell", "names_there", "one_line", "unguarded_cell"]
-
 # A spreadsheet takes a cell that begins with one of these, or with its full-width form, as a formula.
 _SIGN = "[=+\\-@\uff1d\uff0b\uff0d\uff20]"
 # Where a cell may begin inside a text: half of Europe's spreadsheets split a file with commas at semicolons.

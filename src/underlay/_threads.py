@@ -13,8 +13,6 @@ from contextlib import contextmanager
 import scipy.linalg  # noqa: F401  brings scipy's own linear algebra, so that the pools below are all there are
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["one_thread"]
-
 _POOLS = ThreadpoolController().select(user_api="blas").lib_controllers
 
 

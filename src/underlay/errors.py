@@ -27,26 +27,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = [
-    "CurveError",
-    "FileAccessError",
-    "FileFormatError",
-    "FitError",
-    "InputError",
-    "LawError",
-    "MaterialError",
-    "MissingExtraError",
-    "ParameterError",
-    "RangeError",
-    "SchedulerError",
-    "UnderlayError",
-    "UnderlayWarning",
-    "UnitError",
-    "gathered_warnings",
-    "installing",
-    "missing_extra",
-]
-
 
 class UnderlayError(Exception):
     """Base of every error raised on purpose."""

@@ -26,8 +26,6 @@ from typing import Any
 
 from underlay._text import one_line
 
-__all__ = ["GROUPS", "INDENTERS", "READERS", "SOLVERS", "Plugin", "faults", "plugins"]
-
 INDENTERS, SOLVERS, READERS = "underlay.indenters", "underlay.solvers", "underlay.readers"
 #: All groups of entry points, in the order in which they are listed.
 GROUPS = (READERS, INDENTERS, SOLVERS)

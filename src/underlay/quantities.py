@@ -26,25 +26,6 @@ import numpy as np
 
 from underlay.errors import InputError, ParameterError
 
-__all__ = [
-    "Number",
-    "Part",
-    "Quantity",
-    "curve_of",
-    "declared",
-    "field_quantities",
-    "inlined",
-    "kind_of",
-    "no_number",
-    "numbers_of",
-    "one_of",
-    "path_of",
-    "quantity",
-    "quantity_of",
-    "replace_values",
-    "takes",
-]
-
 Whole = TypeVar("Whole")
 
 _ANY = (-np.inf, np.inf)

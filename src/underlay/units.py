@@ -16,21 +16,6 @@ from typing import Any
 
 from underlay.errors import UnitError
 
-__all__ = [
-    "KINDS",
-    "Kind",
-    "format_ends",
-    "format_quantity",
-    "human_unit",
-    "interval_digits",
-    "kind_named",
-    "kind_of",
-    "parse_quantity",
-    "printed",
-    "printed_unit",
-    "unit_factor",
-]
-
 # The units that scene files and instruments nearly always use are parsed with this small table: a decimal prefix, a
 # base unit, and at most one division. pint, which knows all others, takes longer to load than a fit takes.
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}

@@ -46,7 +46,9 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.inference.profiles import delta_chi_square_at, interval_threshold, p_value_at
+from underlay.inference.profiling.calibrated_profile import p_value_at
+from underlay.inference.profiling.profile_result import interval_threshold
+from underlay.inference.profiling.walked import delta_chi_square_at
 
 LEVEL = 0.95
 DRAWS = 99

@@ -20,8 +20,8 @@ from underlay.app.folder import AnalysisFolder
 from underlay.app.tasks import Analyst
 from underlay.cli.app import main
 from underlay.data.export import curve_csv
+from underlay.quantities import kind_of
 from underlay.report.screen import answer_text
-from underlay.scene.parameters import kind_of
 from underlay.units import unit_factor
 
 E, H, BASE = "layer.E", "layer.thickness", "substrate.E"

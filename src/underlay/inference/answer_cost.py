@@ -39,18 +39,6 @@ from underlay.scene.effects import effects_in
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
-__all__ = [
-    "CONTACT",
-    "MODULUS",
-    "THICKNESS",
-    "OwnCurve",
-    "answer_cost",
-    "effects_on_answers",
-    "plain_hertz_fit",
-    "posterior_cost",
-    "timed",
-]
-
 #: Paths of the parameters that are fitted.
 MODULUS, THICKNESS, CONTACT = "layer.E", "layer.thickness", "instrument.contact_depth"
 # The law that simulates a scene's own curve, and the number of its readings.

@@ -39,22 +39,6 @@ from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.scene_file import load_scene
 
-__all__ = [
-    "Case",
-    "Estimate",
-    "Estimator",
-    "Program",
-    "Score",
-    "Scores",
-    "against_finite_elements",
-    "against_references",
-    "benchmark",
-    "benchmark_cases",
-    "one_law",
-    "rows_of",
-    "whole_model",
-]
-
 # Files that are read, with the bytes that each may have.
 _TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
 _MODULUS = "layer.E"

@@ -17,8 +17,6 @@ from underlay.errors import InputError
 from underlay.mechanics.published import published_corrections, published_names
 from underlay.scene.scene import Scene
 
-__all__ = ["Work", "bibtex", "of_fit", "of_sampling", "used_by", "work", "works"]
-
 # Works behind the contact laws, by the name of the law in results: key in ``works.bib``, and purpose.
 _PAPER = "argatov_sabina"
 _EXACT = {_PAPER: "equations of the contact problem"}

@@ -11,8 +11,6 @@ from underlay.inference.batch.decisions import read_map
 from underlay.inference.citation import Work, of_fit, of_sampling, used_by, work
 from underlay.inference.sampling.posterior import Posterior
 
-__all__ = ["cited"]
-
 # The kind of a fit's file; the first bytes of a posterior's file; endings of a map's table.
 _FIT = FileKind("the JSON of a fit", 100_000_000, "name the .fit.json that underlay fit wrote")
 _ZIP = b"PK"

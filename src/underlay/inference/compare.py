@@ -27,8 +27,6 @@ from underlay.quantities import declared
 from underlay.scene.scene import bond_of, faces, has_face, with_bond
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["BondComparison", "Comparison", "HeldLaws", "compare", "compare_bonds", "laws_at_contact"]
-
 # Laws that are compared by default, besides published corrections.
 _DEFAULT = (HalfSpace(), *(Asymptotic(order) for order in range(1, 5)), Exact())
 # First words of the paths of parameters that a half-space does not have.

@@ -16,8 +16,6 @@ from underlay.errors import InputError
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["EVERYTHING", "Settled", "settle"]
-
 # Numbers of a scene that files may state too, by path: key of the metadata, and physical kind.
 _OF_SCENE = {
     "indenter.radius": ("indenter_radius", "length"),

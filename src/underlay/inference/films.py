@@ -37,8 +37,6 @@ from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 from underlay.units import parse_quantity
 
-__all__ = ["DIAMOND", "StiffnessFit", "fit_film", "fit_stiffness"]
-
 #: E / (1 - nu^2) (Pa) of a diamond tip, E = 1070 GPa and nu = 0.07.
 DIAMOND = 1070e9 / (1.0 - 0.07**2)
 # Number of radii at which a body's M(a) is computed; between them a cubic in ln a is accurate to 1e-4.

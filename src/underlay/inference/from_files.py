@@ -19,26 +19,12 @@ from underlay.data.withdrawal import imprint_of, remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible, size_notes
-from underlay.inference.priors import Normal, Uniform, prior_from_numbers
-from underlay.inference.problem import Given, Problem
+from underlay.inference.priors import Given, Normal, Uniform, prior_from_numbers
+from underlay.inference.problem import Problem
 from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
 from underlay.scene.scene_keys import RUN
-
-__all__ = [
-    "chosen_part",
-    "free_of",
-    "load_problem",
-    "problem_from",
-    "read_for",
-    "read_whole",
-    "require_elastic",
-    "turned",
-    "weak_bounds",
-    "whole_curve",
-    "within_range",
-]
 
 # Share of the loading work that is not recovered from which a sample is not elastic: more than a tenth is not due
 # to inexact ends of the segments.

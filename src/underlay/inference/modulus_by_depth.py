@@ -9,8 +9,6 @@ from underlay.inference.pointwise.modulus import modulus_by_depth
 from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.problem import Problem
 
-__all__ = ["pointwise_modulus"]
-
 
 def pointwise_modulus(
     result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95

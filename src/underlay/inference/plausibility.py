@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from underlay.inference.problem import Problem
     from underlay.scene.scene import Scene
 
-__all__ = ["in_doubt", "require_plausible", "require_sizes", "require_travel", "size_notes"]
-
 # Depth over the radius of a ball from which a curve is refused: real laboratories indent to 1.4 radii; at ten no
 # law holds.
 _RADII = 10.0

@@ -26,20 +26,6 @@ from scipy import special
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
 
-__all__ = [
-    "Flat",
-    "Given",
-    "HalfNormal",
-    "LogNormal",
-    "LogUniform",
-    "Normal",
-    "Prior",
-    "Truncated",
-    "Uniform",
-    "inside",
-    "prior_from_numbers",
-]
-
 _LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 

@@ -26,8 +26,6 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Likelihood", "Problem", "by_path"]
-
 
 class Likelihood(Protocol):
     """A log-density of the data that replaces that of the noise model."""

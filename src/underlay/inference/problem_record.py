@@ -18,6 +18,7 @@ from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import (
     Flat,
+    Given,
     HalfNormal,
     LogNormal,
     LogUniform,
@@ -26,15 +27,13 @@ from underlay.inference.priors import (
     Truncated,
     Uniform,
 )
-from underlay.inference.problem import Given, Problem
+from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.quantities import field_quantities
 from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
-
-__all__ = ["problem_from_record", "problem_record"]
 
 # Priors that can be stored, by the name of their class.
 _PRIORS: Mapping[str, type[Prior]] = {

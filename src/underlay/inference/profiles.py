@@ -39,30 +39,14 @@ from underlay.inference.least_squares.settle import most_likely, restricted_log_
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
-from underlay.inference.profiling.calibrated_profile import calibrated, p_value_at
+from underlay.inference.profiling.calibrated_profile import calibrated
 from underlay.inference.profiling.profile_result import (
-    Calibration,
-    Draws,
-    Interval,
     LikelihoodProfile,
-    interval_threshold,
     require_draws,
 )
 from underlay.inference.profiling.walk import HIGHEST
-from underlay.inference.profiling.walked import delta_chi_square_at, index_of, walked
+from underlay.inference.profiling.walked import index_of, walked
 from underlay.scene.noise import NoiseModel
-
-__all__ = [
-    "Calibration",
-    "Draws",
-    "Interval",
-    "LikelihoodProfile",
-    "delta_chi_square_at",
-    "interval_threshold",
-    "noise_profile",
-    "p_value_at",
-    "profile",
-]
 
 # Steps of a noise profile, as in `walk.py`: step in z = sqrt(t); rise of z in one step beyond which a shorter step
 # is tried; largest growth of a step; farthest scaled coordinate (a factor 1.6e5); most steps.

@@ -30,16 +30,6 @@ from underlay.mechanics.indenters import Paraboloid
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
-__all__ = [
-    "HertzFit",
-    "LeastSquaresFromContact",
-    "LineInPower",
-    "Recipe",
-    "Step",
-    "recipe_of",
-    "steps_to_ours",
-]
-
 _CONTACT = "instrument.contact_depth"
 # Least number of readings for a fit.
 _FEWEST = 8

@@ -24,8 +24,6 @@ from underlay.mechanics.relaxation import Prony
 from underlay.mechanics.response import WholeHistory
 from underlay.scene.scene import Scene
 
-__all__ = ["RelaxationModuli", "of_memory", "relaxation_moduli", "relaxed_moduli", "suffixes"]
-
 
 def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
     """Suffixes of the names of a quantity that is computed from some numbers of a scene, one for every curve.

@@ -17,7 +17,7 @@ from underlay.data.curve import Curve
 from underlay.data.quality import check_quality
 from underlay.errors import UnderlayError
 from underlay.inference.design.second_test import remedy
-from underlay.inference.profiles import interval_threshold
+from underlay.inference.profiling.profile_result import interval_threshold
 from underlay.report.labels import is_of_the_sample, label, listed, start
 from underlay.report.screen import answer_text
 from underlay.scene.parameters import kind_of

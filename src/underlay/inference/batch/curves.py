@@ -23,8 +23,6 @@ from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, read_for, read_whole, turned
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["CurvePlace", "Curves", "list_curves", "read_place", "with_stand_ins"]
-
 #: Type of what `list_curves` accepts.
 Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
 

@@ -13,8 +13,6 @@ from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
 from underlay.inference.batch.work import DIED, Rows, given_up, work
 
-__all__ = ["through_dask"]
-
 # Chunks submitted per thread of the cluster: one at work and one waiting.
 _AHEAD = 2
 

@@ -25,20 +25,6 @@ from underlay.errors import InputError
 from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, fitted_names, read_parquet
 from underlay.inference.uncertainty.answer import NORMAL_95
 
-__all__ = [
-    "ACCEPT",
-    "DECISIONS",
-    "REFUSE",
-    "REFUSED_BY_HAND",
-    "Decision",
-    "Decisions",
-    "is_map",
-    "read_decisions",
-    "read_map",
-    "shared_error_of",
-    "without_refused",
-]
-
 #: Name of the table that a review writes.
 DECISIONS = "decisions.csv"
 #: Values of the column ``decision``; an empty cell means no decision.

@@ -35,12 +35,10 @@ from underlay.inference.batch.processes import through_processes
 from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
 from underlay.inference.batch.work import CurveFitter, Rows, file_hash
 from underlay.inference.least_squares.provenance import curve_hash
-from underlay.inference.problem import Given
+from underlay.inference.priors import Given
 from underlay.inference.sampling.derived import ADHESIVE
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
-
-__all__ = ["fit_many"]
 
 # Name of the table where the output is a folder.
 _TABLE = "map.csv"

@@ -22,8 +22,6 @@ from typing import Any, Self
 
 from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
 
-__all__ = ["Journal", "PassingRows"]
-
 # "ulay": marks the database as a journal of underlay; and the version of its layout.
 _APPLICATION, _FORM = 0x756C6179, 1
 _TABLES = (

@@ -26,12 +26,11 @@ from underlay.data.readers._source import load
 from underlay.data.readers.workbooks import OLE_MAGIC, sheets_of
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.results_table import RESERVED
-from underlay.scene.parameters import kind_of, unknown_parameter
+from underlay.quantities import kind_of
+from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import kind_of as unit_kind
 from underlay.units import parse_quantity
-
-__all__ = ["Entry", "Manifest", "read_manifest"]
 
 # Names of columns: short names of parameters, names of the file, of a position, and all of these without a path.
 _SHORT = {"thickness": "layer.thickness", "radius": "indenter.radius"}

@@ -20,15 +20,13 @@ from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.batch.results_table import RESERVED
 from underlay.inference.from_files import free_of
-from underlay.inference.priors import Prior
-from underlay.inference.problem import Given, Problem
+from underlay.inference.priors import Given, Prior
+from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Auto, as_solver
 from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
-
-__all__ = ["BatchModel", "MapOptions", "MapProgress", "Reporter", "Sampling", "batch_model", "scene_file_of"]
 
 #: A caller's own progress line: called with how many curves are done, and how many there are.
 Reporter: TypeAlias = Callable[[int, int], None]

@@ -32,8 +32,6 @@ from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
 from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
 
-__all__ = ["start_of_a_process", "through_processes"]
-
 # Environment variables that limit libraries of linear algebra to one thread: the matrices here are small, and
 # threads of several processes would compete for the cores. It also makes sums the same to the last bit, whatever
 # the machine and its load.

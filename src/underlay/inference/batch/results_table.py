@@ -19,23 +19,6 @@ from underlay._text import guarded_cell, one_line, unguarded_cell
 from underlay.errors import InputError, missing_extra
 from underlay.inference.uncertainty.answer import NORMAL_95
 
-__all__ = [
-    "DIFFERENCE",
-    "FAILED",
-    "FITTED",
-    "INSTRUMENT",
-    "LIKELIHOOD",
-    "RESERVED",
-    "Layout",
-    "fitted_names",
-    "read_parquet",
-    "require_format",
-    "standard_errors",
-    "to_frame",
-    "write_frame",
-    "write_table",
-]
-
 #: Values of the column ``status``.
 FITTED, FAILED = "fitted", "failed"
 

@@ -42,20 +42,6 @@ from underlay.mechanics.contact_law import ScaledLaw
 from underlay.mechanics.published import published_names
 from underlay.scene.noise import Noise
 
-__all__ = [
-    "BASELINE",
-    "CONTACT",
-    "MODULUS",
-    "SLOPE",
-    "ContactStep",
-    "LinearModel",
-    "SeparableFit",
-    "SeparableModel",
-    "SeparableSearch",
-    "separable_warnings",
-    "solved",
-]
-
 # Largest step of ln E: where it would be larger the force hardly depends on E.
 _FARTHEST = log(1e6)
 #: Paths of the parameters that such a fit may have.

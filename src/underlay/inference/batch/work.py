@@ -47,16 +47,6 @@ from underlay.scene.scene import Scene
 if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
 
-__all__ = [
-    "DIED",
-    "CurveFitter",
-    "Rows",
-    "answer_cells",
-    "file_hash",
-    "given_up",
-    "work",
-]
-
 _MODULUS = "layer.E"
 #: Reason in the row of a curve that is given up because worker processes died on it.
 DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"

@@ -29,27 +29,14 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import times_told_by
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.problem import Given, Problem
+from underlay.inference.priors import Given
+from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.solvers import AnySolver
+from underlay.quantities import kind_of
 from underlay.scene.noise import NoiseModel
-from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
-
-__all__ = [
-    "LOST",
-    "SPECIMEN",
-    "Combination",
-    "Identifiability",
-    "about_specimen",
-    "deviation_of",
-    "expected_problem",
-    "identifiability",
-    "information",
-    "marginal",
-    "prior_information",
-]
 
 #: First words of the paths of a specimen's parameters; all others belong to one test.
 SPECIMEN = ("layer.", "substrate.")

@@ -22,17 +22,17 @@ from underlay.data.curve import MIN_POINTS
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of, expected_problem
 from underlay.inference.least_squares import fit
-from underlay.inference.problem import Given, by_path
+from underlay.inference.priors import Given
+from underlay.inference.problem import by_path
 from underlay.inference.profiles import profile
 from underlay.inference.profiling.profile_result import Interval
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.solvers import AnySolver
+from underlay.quantities import kind_of
 from underlay.scene.noise import NoiseModel
-from underlay.scene.parameters import kind_of, unknown_parameter
+from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
-
-__all__ = ["Grid", "Plan", "plan", "readings"]
 
 #: A motion: depths since contact (m) and times (s), (n,) each.
 Record: TypeAlias = tuple[ArrayLike, ArrayLike]

@@ -17,14 +17,11 @@ from underlay.inference.design.identifiability import SPECIMEN, about_specimen, 
 from underlay.inference.design.planning import Grid
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.profiling.walked import constrained_fit
-from underlay.quantities import path_of
-from underlay.scene.parameters import kind_of
+from underlay.quantities import kind_of, path_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-
-__all__ = ["Remedy", "remedy"]
 
 # Steps of the radii tried in a decade: tips are sold in similar steps.
 _STEPS = (1.0, 2.0, 5.0)

@@ -25,8 +25,6 @@ from underlay.scene.instrument import Baseline, Chain, ContactDepth
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["about_adhesion", "adhesive_starts"]
-
 # Relative tolerance of the laws of a start.
 _RTOL = 1e-2
 _MODULUS, _WORK = "layer.E", "adhesion.work"

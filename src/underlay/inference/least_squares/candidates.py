@@ -13,8 +13,6 @@ from underlay.inference.least_squares.engine import Ahead, Minimum, Search, desc
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
-__all__ = ["EXPLAINED", "Candidate", "candidates"]
-
 # The search on blocks. A step that lowers the sum of squares by less than `settled` of it came from within a third
 # of a standard error of the blocks; what is left is far less.
 _SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)

@@ -19,8 +19,6 @@ from scipy import fft, special
 
 from underlay._arrays import FloatArray
 
-__all__ = ["ResidualDiagnostics", "correlated", "diagnose", "over_whitened"]
-
 # Probability of a false alarm: one in a thousand honest curves.
 _SIGNIFICANT = 1e-3
 # n_eff / n above which errors are too small by a tenth or less, which does not matter.

@@ -20,8 +20,6 @@ from underlay.inference.least_squares.objective import HAIR, Objective
 from underlay.inference.least_squares.projection import Places, Point, acting
 from underlay.inference.model.coordinates import SHORTEST
 
-__all__ = ["FINE", "LONGEST", "Ahead", "GiveUp", "Minimum", "Search", "damped_steps", "descend", "minimise"]
-
 #: A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 LONGEST = 3.0
 # Damping (over columns of unit length) beyond which no step leads down; factors on it after a step that did, and

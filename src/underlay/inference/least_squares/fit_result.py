@@ -27,21 +27,13 @@ from underlay.inference.least_squares.provenance import InstrumentModulus, instr
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import Advice, Answer, Follows, Interval, States, answers_table
 from underlay.mechanics.solver import Solver
-from underlay.quantities import field_quantities
+from underlay.quantities import field_quantities, kind_of
 from underlay.scene.noise import NoiseModel
-from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.pointwise.result import PointwiseModulus
-
-__all__ = [
-    "Alternative",
-    "Fit",
-    "FitStatistics",
-    "FitWarning",
-]
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,9 @@ from underlay.inference.least_squares.fit_result import Alternative, FitStatisti
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw, DeeperThanLayer
+from underlay.quantities import kind_of
 from underlay.scene.noise import NoiseModel
-from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
-
-__all__ = ["against_priors", "ignored_sides", "over_correlated", "too_deep", "warnings_of"]
 
 # Standard error in a scaled coordinate from which it says nothing: a factor e either way, or the whole range of the
 # curve.

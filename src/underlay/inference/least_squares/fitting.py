@@ -28,16 +28,15 @@ from underlay.inference.least_squares.engine import Ahead
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
 from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
+from underlay.inference.least_squares.memory_starts import Start
 from underlay.inference.least_squares.models import LOSSES
-from underlay.inference.least_squares.scan import LIKELY, Start, scan
+from underlay.inference.least_squares.scan import LIKELY, scan
 from underlay.inference.least_squares.scan_curve import blocked_objective, power_law_objective
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.solvers import Exact
 from underlay.scene.noise import NoiseModel
-
-__all__ = ["VisitedPaths", "fit", "law_bias", "quick_fit", "shift_of_the_law"]
 
 # A place this near to the path of an earlier search, in every scaled coordinate, lies on it: two minima closer than
 # this are one (`candidates`).

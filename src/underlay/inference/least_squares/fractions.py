@@ -19,8 +19,6 @@ from underlay.inference.least_squares.projection import LinearDirections, Point
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["Fractions"]
-
 # A solution that promises to lower the sum of squares by less than this share of it waits for the next step of
 # the search, which moves the fractions too: a model costs as much as a step.
 _WORTH = 0.02

@@ -30,10 +30,8 @@ from underlay.inference.least_squares.settle import Optimum, noise_covariance
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.scene.parameters import kind_of
+from underlay.quantities import kind_of
 from underlay.units import format_quantity
-
-__all__ = ["about_relaxation", "judge", "times_told_by"]
 
 # Closer than this to a bound (scaled coordinates) counts as on it; lmfit's bounded search approaches a bound
 # quadratically and stops about 1e-6 away.

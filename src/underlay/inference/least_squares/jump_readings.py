@@ -29,8 +29,6 @@ from underlay.inference.problem import Problem
 from underlay.scene.instrument import Chain
 from underlay.units import format_quantity
 
-__all__ = ["about_left_out", "determined", "for_all_readings"]
-
 # Standard errors of the place of a jump within which a reading is left out.
 _ERRORS = 4.0
 # Length over standard deviation of an even distribution.

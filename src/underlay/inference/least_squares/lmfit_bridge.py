@@ -14,8 +14,6 @@ from underlay.inference.least_squares.models import LOSSES, SQUARES
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import acting
 
-__all__ = ["METHODS", "LmfitOptimum", "Minimiser"]
-
 #: lmfit's minimisers that a fit may name: Levenberg-Marquardt (MINPACK), trust region.
 METHODS = ("leastsq", "least_squares")
 # Relative tolerance of a step and of the sum of squares: lmfit's own (1.5e-8) lets a fit stop where two unit

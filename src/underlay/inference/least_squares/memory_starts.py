@@ -16,8 +16,6 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.response import WholeHistory, checked_times
 
-__all__ = ["Start", "memory_starts"]
-
 
 class Start(NamedTuple):
     """A point to search from: scaled vector (k,), and its misfit divided by that of the best start."""

@@ -23,8 +23,6 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.response import WholeHistory
 from underlay.scene.noise import NoiseModel
 
-__all__ = ["LOSSES", "SQUARES", "FrozenNoise", "Loss", "Models", "freeze", "robust_inflation"]
-
 
 @dataclass(frozen=True)
 class FrozenNoise:

@@ -29,17 +29,6 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise import NoiseModel
 
-__all__ = [
-    "HAIR",
-    "BaseSteps",
-    "BaseTransform",
-    "Objective",
-    "PoissonSteps",
-    "PoissonTransform",
-    "PowerSteps",
-    "log_share",
-]
-
 _BASE, _LAYER = "substrate.E", "layer.E"
 _NU = "layer.nu"
 # What is left of 1 - 2 nu where a layer gives way sideways, as `PoissonSteps` takes it. Between nu = 0.4 and 0.5

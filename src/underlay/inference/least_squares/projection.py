@@ -19,8 +19,6 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.instrument import SENSITIVITY_RATIO
 
-__all__ = ["LinearDirections", "LinearSteps", "Places", "Point", "Rows", "acting", "projected"]
-
 # Paths of the parameters in which a reading is linear by themselves.
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 # Least factor on the moduli that is taken: below it the linear parameters stay where they are, rather than make a

@@ -14,16 +14,6 @@ from underlay.data.curve import Curve, recorded
 from underlay.inference.problem import Problem
 from underlay.scene.scene import Scene
 
-__all__ = [
-    "STATED",
-    "InstrumentModulus",
-    "curve_hash",
-    "instrument_moduli",
-    "instrument_modulus",
-    "provenance",
-    "version_record",
-]
-
 #: Entry of a curve's metadata by which its file says a reduced modulus (Pa).
 STATED = "instrument_reduced_modulus"
 # Parameter that the instrument's modulus is compared with.

@@ -42,8 +42,6 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.response import WholeHistory
 from underlay.scene.scene import Scene
 
-__all__ = ["LIKELY", "Landscape", "Start", "scan", "tried_base_moduli", "tried_contacts", "tried_thicknesses"]
-
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
 _RADIUS_RATIOS = (0.06, 4.6)
 # Thicknesses tried, as shares of the way from the thinnest to the thickest in the logarithm.

@@ -30,21 +30,6 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.noise import Noise
 
-__all__ = [
-    "BASE_MODULUS",
-    "CONTACT",
-    "MODULUS",
-    "THICKNESS",
-    "Blocks",
-    "GridFit",
-    "LawRows",
-    "Rows",
-    "ScanCurve",
-    "blocked_forward",
-    "blocked_objective",
-    "power_law_objective",
-]
-
 # Relative tolerance of the laws at blocks, and number of blocks of a curve that starts are searched from with.
 _RTOL = 1e-3
 _BLOCKS = 32

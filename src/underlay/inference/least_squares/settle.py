@@ -28,18 +28,6 @@ from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 from underlay.scene.noise import NoiseModel
 
-__all__ = [
-    "Optimum",
-    "Renewal",
-    "confirmed",
-    "first_noises",
-    "most_likely",
-    "noise_covariance",
-    "renew",
-    "restricted_log_likelihood",
-    "settle",
-]
-
 # Relative change of the weights that counts as none: it moves a fit by less than its numerical tolerance times
 # sigma.
 _SETTLED = 1e-4

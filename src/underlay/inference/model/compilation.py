@@ -30,8 +30,6 @@ from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["IN_SERIES", "against_travel", "compile_members", "lever_seen", "require_acting"]
-
 # Correlations of second differences below which depth and force share their noise, and where the file states its
 # constant too: independent noises of 100 readings reach neither in 10^9 curves.
 _SHARED_NOISE, _CONFIRMED = -0.97, -0.9

@@ -20,8 +20,6 @@ from underlay.inference.priors import Flat, Given, LogUniform, Prior, Uniform
 from underlay.quantities import Quantity
 from underlay.units import format_quantity
 
-__all__ = ["FAR", "SHORTEST", "Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
-
 #: No contact law is asked for at scaled coordinates beyond this: a factor of 1e17 from the scene.
 FAR = 40.0
 #: Changes of scaled coordinates shorter than this change nothing that a curve could show.

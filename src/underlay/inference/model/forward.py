@@ -34,13 +34,10 @@ from underlay.mechanics.response import (
     checked_times,
 )
 from underlay.mechanics.solver import Solver
-from underlay.quantities import replace_values
+from underlay.quantities import kind_of, replace_values
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.instrument import FURTHER, SENSITIVITY_RATIO, SPRING_CONSTANT, Chain, ContactDepth, Frame
-from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
-
-__all__ = ["BuildsBare", "Forward", "LeftOutLaws", "Reading", "TipOverPowerLaw"]
 
 # Largest depth at which a contact radius is looked up, over that of the curve; beyond it stays constant.
 _FURTHER = 4.0

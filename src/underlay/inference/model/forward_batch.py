@@ -52,15 +52,6 @@ from underlay.mechanics.response import WholeHistory, checked_times
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
 
-__all__ = [
-    "batched_pull_offs",
-    "batched_readings",
-    "bending",
-    "left_out_readings",
-    "remembered_readings",
-    "sticking",
-]
-
 
 class _Read(Protocol):
     """Readings of the elastic sets, as far as the memory needs them."""

@@ -26,19 +26,6 @@ from underlay.mechanics.kernel.recursion import Recursion
 from underlay.mechanics.kernel.stack import sheets_of
 from underlay.scene.instrument import Chain
 
-__all__ = [
-    "ParameterSets",
-    "Readings",
-    "Values",
-    "exact_groups",
-    "has_stack_batches",
-    "is_shaped_by_lengths",
-    "set_by_set",
-    "stack_groups",
-    "stacked",
-    "values_of",
-]
-
 #: Numbers of a scene by path: one for all sets, or one per set, (sets,).
 Values: TypeAlias = Mapping[str, float | FloatArray]
 # Factors within which the stiffness ratios, and the ranges, of sets lie that share nodes.

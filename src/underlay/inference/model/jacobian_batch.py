@@ -28,8 +28,6 @@ from underlay.mechanics.exact.tip_law import TipSets
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.scene.instrument import ContactDepth, Frame
 
-__all__ = ["Jacobians", "batched_jacobians", "can_batch_jacobians"]
-
 
 class Jacobians(NamedTuple):
     """Force readings and their derivatives at many parameter sets.

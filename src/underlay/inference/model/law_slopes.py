@@ -19,17 +19,7 @@ from underlay.inference.model.laws import LawSource
 from underlay.inference.model.similarity import Similarity
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.tip_law import in_size
-from underlay.scene.parameters import kind_of
-
-__all__ = [
-    "ROUGH_STENCILS",
-    "STENCILS",
-    "LawSlopes",
-    "Stencil",
-    "first_possible",
-    "force_scale",
-    "slope_by_factors",
-]
+from underlay.quantities import kind_of
 
 #: (steps, weights) of a difference quotient.
 Stencil: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]

@@ -28,8 +28,6 @@ from underlay.quantities import kind_of, replace_values
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
-__all__ = ["LawSource", "LawStore", "OneRatio", "one_ratio", "quiet_law", "tip_ratio"]
-
 Number = TypeVar("Number", float, FloatArray)
 # Laws that a store keeps; the oldest goes.
 _LAWS_KEPT = 128

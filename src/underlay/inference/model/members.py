@@ -23,8 +23,6 @@ from underlay.quantities import field_quantities
 from underlay.scene.noise import LowRankNoise, NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["CommonErrors", "Member", "means_alone", "noise_start", "scatter"]
-
 # Median absolute second difference of white noise over its standard deviation sigma: second differences have
 # variance 6 sigma^2, and the median absolute value of a normal variable is 0.6745 of its deviation. Those of a
 # smooth curve are small.

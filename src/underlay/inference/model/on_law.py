@@ -24,11 +24,8 @@ from underlay.mechanics.body import Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, OnLaw
 from underlay.mechanics.finite_width import NarrowLaw, Sides, sides_at
 from underlay.mechanics.stiffening import FORM_SPREAD, StiffeningLaw, StiffLayer, at_values
-from underlay.quantities import path_of
-from underlay.scene.parameters import kind_of
+from underlay.quantities import kind_of, path_of
 from underlay.scene.scene import Scene
-
-__all__ = ["FORM", "LEFT_OPEN", "OnLinear", "begun", "require_thickness_prior", "usual_prior"]
 
 _SECTION = "layer.stiffening."
 #: Path of the size of the form of the energy.

@@ -27,8 +27,6 @@ from underlay.mechanics.stiffening import (
 )
 from underlay.scene.instrument import Baseline, BaselineSlope, ContactDepth, Frame
 
-__all__ = ["goes_on_one_law", "on_law_readings", "on_law_slopes", "stiffening_factors"]
-
 # Least depth (m) at which a law is asked of a set that does not press.
 _TINY = float(np.sqrt(np.finfo(float).tiny))
 # Depth at which sets are asked that go deeper than stiffening is known, over the largest known one: a stand-in

@@ -40,17 +40,7 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.family_law import family_batch
 from underlay.mechanics.exact.tip_law import TipSets
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.scene.parameters import kind_of
-
-__all__ = [
-    "RatioSurface",
-    "by_one_law",
-    "by_ratios",
-    "can_batch_depths",
-    "has_exact_batches",
-    "sets_of_a_tip",
-    "surfaces",
-]
+from underlay.quantities import kind_of
 
 # Widths and edges of cells, of logarithms and of Poisson's ratios; 0.5 is an edge, beyond which nothing is solved.
 _LOG_CELL, _LOG_EDGE = np.log(2.0), np.log(1.37)

@@ -29,11 +29,9 @@ import numpy as np
 
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.solver import Scaling
+from underlay.quantities import kind_of
 from underlay.scene.instrument import SENSITIVITY_RATIO, SPRING_CONSTANT_RATIO
-from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
-
-__all__ = ["Similarity", "compile_similarity"]
 
 # Numbers of a lever that scale the force reading.
 _GAINS = (SPRING_CONSTANT_RATIO, SENSITIVITY_RATIO)

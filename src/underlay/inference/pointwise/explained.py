@@ -24,8 +24,6 @@ from underlay.mechanics.solver import Solver
 from underlay.scene.instrument import Chain
 from underlay.scene.scene import Scene
 
-__all__ = ["Body", "Explained", "halfspace_of", "require_without_adhesion"]
-
 # Factor to which the shares of the ladder reach to both sides, and how many there are. ln P is a smooth function of
 # ln share; a cubic through rungs ln 30 / 8 apart is within 2e-5 of it, one of ln dP/dw within 5e-5
 # (test_pointwise.py holds both).

@@ -32,17 +32,6 @@ from underlay.inference.pointwise.explained import Body, Explained, halfspace_of
 from underlay.inference.pointwise.result import KINDS, ModulusCurve, PointwiseModulus
 from underlay.scene.instrument import ContactDepth
 
-__all__ = [
-    "BinnedCurve",
-    "Bins",
-    "Noise",
-    "Residuals",
-    "bins_of",
-    "modulus_by_depth",
-    "noise_in",
-    "residuals_in",
-]
-
 # Readings of a bin at least: fewer say nothing of their own scatter.
 _FEWEST = 8
 # Half of an interval over the expected modulus beyond which a modulus is not shown.

@@ -8,8 +8,6 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 
-__all__ = ["KINDS", "ModulusCurve", "PointwiseModulus"]
-
 #: Names of the four moduli, in the order of the table.
 KINDS = ("apparent", "incremental", "apparent_halfspace", "incremental_halfspace")
 

@@ -34,8 +34,6 @@ from underlay.inference.population.messages import (
 )
 from underlay.inference.population.result import Density
 
-__all__ = ["GroupModel", "Units"]
-
 _LOG_2PI = float(np.log(2.0 * np.pi))
 # For outliers: share of the curves that may come from a wider step, and the factor on its spread.
 _OUTLIERS, _WIDER = 0.1, 5.0

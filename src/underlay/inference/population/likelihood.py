@@ -22,8 +22,6 @@ from underlay.errors import InputError
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.uncertainty.answer import Answer
 
-__all__ = ["ROOTS", "CurveLikelihood"]
-
 #: Signed roots at which the places are kept.
 ROOTS = np.arange(-3.0, 4.0)
 _ROOTS = tuple(ROOTS.tolist())

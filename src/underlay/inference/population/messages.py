@@ -29,21 +29,6 @@ from scipy import interpolate, special
 
 from underlay._arrays import FloatArray
 
-__all__ = [
-    "BETWEEN",
-    "WITHIN",
-    "Grid",
-    "IntArray",
-    "Messages",
-    "SpreadGrid",
-    "SpreadPrior",
-    "Windows",
-    "carried",
-    "multiplied_tables",
-    "spread_windows",
-    "weighted_grid",
-]
-
 #: Function from a tuple of spreads per level to the log-likelihood of all their combinations.
 LogLikelihood: TypeAlias = Callable[[tuple[FloatArray, ...]], FloatArray]
 #: Per level, outermost first: ln of the smallest and of the largest spread of the range.

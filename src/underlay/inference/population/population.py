@@ -43,8 +43,6 @@ from underlay.inference.uncertainty.answer import NORMAL_95
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["population"]
-
 # Probabilities of the ends and the middle of a 95 % interval.
 _ENDS = np.array([0.025, 0.5, 0.975])
 # A spread is stated as an upper limit only where the probability of one below the first number exceeds the second.

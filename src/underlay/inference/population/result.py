@@ -17,8 +17,6 @@ from underlay.inference.population.selection import LeftOut
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Comparison", "Density", "Group", "PlainMean", "Population", "Spread", "Triple", "Variance"]
-
 #: A value, and the low and the high end of its 95 % interval.
 Triple = tuple[float, float, float]
 # Probability below the upper end of a 95 % interval, and that end of a standard normal distribution.

@@ -19,8 +19,6 @@ from underlay.inference.uncertainty.answer import NORMAL_95
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_rows"]
-
 #: Labels by column, with the result of one curve.
 Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfile]
 # Largest number of names that a message lists.

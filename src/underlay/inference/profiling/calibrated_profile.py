@@ -37,8 +37,6 @@ from underlay.inference.profiling.profile_result import Calibration, Draws, Like
 from underlay.inference.profiling.walked import constrained_fit, delta_chi_square_at, missed
 from underlay.scene.noise import NoiseModel
 
-__all__ = ["calibrated", "draw_delta_chi_squares", "p_value_at", "redrawn"]
-
 # Share of curves that cannot be fitted and are left out; with more of them what is left is a selection.
 _MOST_FAILURES = 0.1
 _MOST_CENTRES = 5  # centres of one end; one or two are usual

@@ -18,18 +18,8 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.profiling.walk import HIGHEST
-from underlay.scene.parameters import kind_of
+from underlay.quantities import kind_of
 from underlay.units import format_ends
-
-__all__ = [
-    "Calibration",
-    "Draws",
-    "Interval",
-    "LikelihoodProfile",
-    "interval_threshold",
-    "require_chance",
-    "require_draws",
-]
 
 #: Largest z inside an interval, by scaled value of the parameter, any shape.
 Limit: TypeAlias = Callable[[FloatArray], FloatArray]

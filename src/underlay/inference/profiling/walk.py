@@ -20,8 +20,6 @@ from underlay.inference.least_squares.scan import LIKELY, scan
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 
-__all__ = ["HIGHEST", "Walk"]
-
 #: Largest z that a walk goes to: that of a 99.9 % interval, and a little more.
 HIGHEST = 3.4
 _STEP = 0.5  # step in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations

@@ -16,8 +16,6 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.profiling.walk import Walk
 
-__all__ = ["constrained_fit", "delta_chi_square_at", "index_of", "missed", "walked"]
-
 # How much better (in t) a point of its own profile must be for a fit not to be the optimum.
 _BETTER = 1e-3
 

@@ -27,8 +27,6 @@ from underlay._arrays import FloatArray
 from underlay._door import FileKind, parse_json, require_regular, understood
 from underlay.errors import FileAccessError, InputError, missing_extra
 
-__all__ = ["ChainFile", "Progress", "RandomState"]
-
 try:
     import h5py
 except ImportError:  # an optional extra; opening a file says so

@@ -30,22 +30,11 @@ from underlay.inference.reported_moduli import of_memory, relaxed_moduli, suffix
 from underlay.mechanics.body import Base
 from underlay.mechanics.response import WholeHistory
 from underlay.mechanics.solver import Solver
-from underlay.quantities import Quantity, numbers_of, path_of
-from underlay.scene.parameters import kind_of
+from underlay.quantities import Quantity, kind_of, numbers_of, path_of
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-
-__all__ = [
-    "ADHESIVE",
-    "DERIVED",
-    "AdhesiveNumber",
-    "adhesive_estimates",
-    "adhesive_numbers",
-    "derived_quantities",
-    "kind_of_quantity",
-]
 
 #: Quantities derived for an adhesive contact, by the last word of their names.
 ADHESIVE = {

@@ -26,33 +26,6 @@ from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.scene.noise import NoiseModel
 
-__all__ = [
-    "COMPARISON_COLUMNS",
-    "DETERMINED",
-    "LEVELS",
-    "MIN_STEPS",
-    "PREDICTIVE_LEVELS",
-    "UNDETERMINED",
-    "WEAKLY_DETERMINED",
-    "Importance",
-    "Information",
-    "Outcome",
-    "Predictive",
-    "SamplingDiagnostics",
-    "arviz_library",
-    "autocorrelation_times",
-    "chain_errors",
-    "compare_with_prior",
-    "effective_size",
-    "highest_density_interval",
-    "judge",
-    "memory",
-    "predictive_bands",
-    "prior_levels",
-    "quantile_errors",
-    "rank_normalised_rhat",
-]
-
 #: Fewest steps for which halves of a chain have a variance and an autocorrelation.
 MIN_STEPS = 8
 #: Quantiles of a parameter whose errors are stated.

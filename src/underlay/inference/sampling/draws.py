@@ -26,8 +26,6 @@ from underlay.inference.uncertainty.mixture import pareto_shape, weighted_quanti
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
 from underlay.inference.uncertainty.tree import NothingDrawnError
 
-__all__ = ["Proposal", "Source", "Target", "WeightedDraws", "differs", "weigh"]
-
 # Number of weighted draws: four fifths of them are effective, and an end of a 95 % interval is known to 0.05
 # standard deviations.
 _DRAWS = 4000

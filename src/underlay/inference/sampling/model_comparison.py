@@ -34,8 +34,6 @@ from underlay.scene.instrument import ContactDepth
 from underlay.scene.noise import LowRankNoise, Noise, NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["compare_models", "difference", "pointwise_log_likelihood", "with_model_error"]
-
 # Relative difference of equal numbers after scaling and back.
 _SAME = 1e-9
 # Draws of a posterior that are used: enough for a standard error far below the differences between models; the

@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.budget import Source
     from underlay.inference.uncertainty.likelihood import Likelihood
 
-__all__ = ["LogEvidence", "Posterior", "SampledReading", "SampledStatement"]
-
 # Note of an answer of a posterior whose problem was not saved.
 _ALONE = "the draws alone were kept, without the test they are of"
 _FORMAT = "underlay posterior 1"

@@ -27,8 +27,6 @@ from underlay.inference.sampling.diagnostics import (
     SamplingDiagnostics,
 )
 
-__all__ = ["LARGEST", "parts_of", "read_archive", "write_archive"]
-
 #: Most bytes of such a file, packed and unpacked: 125 million numbers, more than a sampler can keep in memory.
 LARGEST = 1_000_000_000
 # Booleans, numbers and text; no objects, which would be code.

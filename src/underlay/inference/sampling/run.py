@@ -56,8 +56,6 @@ from underlay.inference.sampling.diagnostics import (
 from underlay.inference.sampling.draws import Proposal, Target, WeightedDraws, differs, weigh
 from underlay.inference.sampling.posterior import Posterior
 
-__all__ = ["marginalised", "moves", "posterior_from_chain", "sample"]
-
 #: A caller's own progress line: called with the steps that are done, those that will probably be needed, and the
 #: effective samples so far.
 Told: TypeAlias = Callable[[int, int, float], None]

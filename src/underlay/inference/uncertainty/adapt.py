@@ -18,8 +18,6 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.coordinates import SHORTEST
 from underlay.inference.uncertainty.mixture import pareto_shape
 
-__all__ = ["Kernels", "Pool"]
-
 _KERNELS, _NEIGHBOURS = 32, 0.12  # number of kernels; share of the weight whose draws set a kernel's width
 _FREEDOM, _WIDER = 5.0, 1.1  # degrees of freedom of a kernel; factor on its width
 _FEWEST = 60.0  # least effective number of draws for kernels: weights are flattened until it is reached

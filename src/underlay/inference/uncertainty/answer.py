@@ -16,17 +16,6 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 
-__all__ = [
-    "NORMAL_95",
-    "Advice",
-    "Answer",
-    "Contribution",
-    "Follows",
-    "Interval",
-    "States",
-    "answers_table",
-]
-
 #: Half width of a normal 95 % interval in standard deviations.
 NORMAL_95 = 1.96
 

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from underlay.inference.model.forward import Reading
     from underlay.inference.model.members import Member
 
-__all__ = ["LAW", "Moved", "Refit", "Source", "sensitivities", "sources_of"]
-
 #: Function from forces (N), one array for each curve, to the shift (k,) of the scaled vector by them.
 Moved: TypeAlias = Callable[[Sequence[FloatArray]], FloatArray]
 #: Function that fits a problem, with the values of its scenes as the starting point.

@@ -24,8 +24,6 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.tree import Tangent
 
-__all__ = ["FAMILIES", "LINE", "TURN", "Columns", "smooth_basis"]
-
 _LENGTH, _RANK, _GRID = 0.5, 6, 201  # of a misfit: correlation length in v, columns, places of its table
 # Middles and widths of the steps about contact, over the largest depth.
 _PLACES = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])

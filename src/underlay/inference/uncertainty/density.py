@@ -33,8 +33,6 @@ from underlay.inference.uncertainty.tree import CurveModel, Tangent, log_posteri
 if TYPE_CHECKING:
     from underlay.inference.uncertainty.weighed import CurveState, Weighed
 
-__all__ = ["Density", "Local", "Place"]
-
 _SINGULAR = 1e-11  # added to the unit diagonal of a scaled matrix, for nearly undetermined directions
 
 

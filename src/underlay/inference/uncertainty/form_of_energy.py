@@ -29,8 +29,6 @@ from underlay.mechanics.stiffening import FORM_SPREAD
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
 
-__all__ = ["shifts_by_form"]
-
 # Sizes at which curves are fitted again: the first, each next one twice the last, and the farthest; and how many
 # places are looked at between. Ogden's exponents -16 and 20 are at two deviations, where the formula leaves E up to
 # 6 % off; a tenth more makes 4 % (tests/studies/stiffening_coverage.py, --misfits).

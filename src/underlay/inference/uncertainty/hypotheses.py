@@ -28,8 +28,6 @@ from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.columns import FAMILIES, LINE, TURN, Columns
 from underlay.inference.uncertainty.noise import NoiseTable, cosines
 
-__all__ = ["Hypotheses", "weigh", "white"]
-
 IntArray = NDArray[np.intp]
 
 _NONE = 0.8  # prior probability, each, of no misfit, no step, no ramp, no turn

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from underlay.data.curve import Curve
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.mechanics.profile import Profile
-from underlay.scene.parameters import kind_of
+from underlay.quantities import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
-
-__all__ = ["DEPTH", "FORCE", "HEIGHTS", "SENSITIVITY", "SPRING_CONSTANT", "Input", "inputs_of"]
 
 #: Inputs that have no path in a scene: scales of all forces, depths, and heights of a measured tip.
 FORCE, DEPTH, SPRING_CONSTANT, SENSITIVITY = "force", "depth", "spring_constant", "sensitivity"

@@ -61,21 +61,6 @@ from underlay.mechanics.stiffening import StiffeningLaw
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 from underlay.scene.scene import Scene
 
-__all__ = [
-    "BOTH",
-    "FINITE_STRAIN",
-    "FRICTION",
-    "KINDS",
-    "Column",
-    "KnownError",
-    "LeftOut",
-    "Pressed",
-    "free_model_error",
-    "known_errors",
-    "left_out",
-    "paraboloid_for_sphere",
-]
-
 #: `words` of the errors of friction, finite strain, and both.
 FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large strains"
 # Standard deviation of the share of full friction, about a mean of a half. A flat prior between none and full has

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.density import Density
     from underlay.inference.uncertainty.ridge import Ridges
 
-__all__ = ["Likelihood"]
-
 # Largest relative error of a Gauss-Newton step from two standard deviations off for the closed form: in contact
 # point or stiffening, in which the force is nearly linear, and in the other numbers.
 _BENT, _CURVED = 0.35, 0.05

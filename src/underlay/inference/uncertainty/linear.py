@@ -13,8 +13,6 @@ from underlay.inference.uncertainty.hypotheses import Hypotheses
 from underlay.inference.uncertainty.mixture import mixture_quantiles
 from underlay.inference.uncertainty.moments import CurveMoments
 
-__all__ = ["Combined", "Mixture", "combine", "linear_mixture"]
-
 _SINGULAR = 1e-12  # added to the unit diagonal of a scaled matrix
 _JOINT = 48  # number of joint hypotheses of several curves
 

@@ -7,8 +7,6 @@ from scipy.special import ndtr, stdtr
 
 from underlay._arrays import FloatArray
 
-__all__ = ["mixture_quantiles", "pareto_shape", "weighted_quantiles"]
-
 _GRID, _ROUNDS = 17, 6  # places in a bracket; number of brackets, each a sixteenth of the one before
 _NORMAL = 300.0  # degrees of freedom from which a Student distribution is taken as normal: 1e-3 of a quantile
 

@@ -29,8 +29,6 @@ from underlay.inference.uncertainty.columns import TURN, Columns
 from underlay.inference.uncertainty.hypotheses import Hypotheses, grams
 from underlay.inference.uncertainty.noise import NoiseTable, cosines
 
-__all__ = ["CurveMoments"]
-
 
 @dataclass(frozen=True, eq=False)
 class CurveMoments:

@@ -19,8 +19,6 @@ from scipy.fft import dct, idct
 
 from underlay._arrays import FloatArray
 
-__all__ = ["NoiseTable", "cosines", "from_cosines", "growth", "noise_table", "white_table"]
-
 _CORRELATED = 0.2  # prior probability of correlated noise
 _SLOW = 0.1  # prior probability of slow fluctuations
 _SIZES = (0.3, 3.0, 30.0, 300.0)  # variances of the correlated part, in that of the white part

@@ -15,8 +15,6 @@ from underlay.inference.uncertainty.density import Density, Local
 from underlay.inference.uncertainty.tree import log_prior
 from underlay.inference.uncertainty.walk import Node
 
-__all__ = ["Conditional", "Proposal", "conditionals"]
-
 _CELLS = 300  # cells of the coordinate along the ridge
 # Share of the draws that goes evenly to all cells; power of the evidence for the others.
 _EVEN, _SOFTER = 0.03, 0.9

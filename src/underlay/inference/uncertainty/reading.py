@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.seen import Seen
     from underlay.inference.uncertainty.weighed import Weighed
 
-__all__ = ["DrawnReading", "LinearReading", "OpenReading", "Reading", "widened"]
-
 # Default number of draws of a result in closed form.
 _DRAWS = 2000
 

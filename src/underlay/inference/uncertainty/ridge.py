@@ -26,8 +26,6 @@ from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
 if TYPE_CHECKING:
     from underlay.inference.uncertainty.weighed import Weighed
 
-__all__ = ["Ridge", "Ridges", "Source", "draw"]
-
 _DRAWS, _ROUNDS = 1000, 6  # draws of a round; further rounds at most
 _TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k below which, and effective draws from which, draws are trusted
 _SECOND = 0.02  # weight from which hypotheses that correct the value have a ridge of their own

@@ -14,8 +14,6 @@ from underlay.inference.uncertainty.hypotheses import Hypotheses
 from underlay.inference.uncertainty.noise import NoiseTable, cosines
 from underlay.inference.uncertainty.tree import Tangent
 
-__all__ = ["Seen", "seen_in"]
-
 _FOOT = 0.2  # share of the largest depth in which a gradual contact shows
 _TOP, _CONTACT = 1.0, 0.1  # depths, over the largest, between which the apparent modulus is compared
 

@@ -23,14 +23,12 @@ from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.inference.uncertainty.reading import OpenReading, Reading, widened
 from underlay.inference.uncertainty.tree import NothingDrawnError
 from underlay.inference.uncertainty.verdict import verdict_of
-from underlay.scene.parameters import declared, kind_of
+from underlay.quantities import declared, kind_of
 from underlay.units import KINDS
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.pointwise.result import PointwiseModulus
-
-__all__ = ["NOISE", "Statement"]
 
 #: Name of the statistical part in the budget.
 NOISE = "noise and misfit"

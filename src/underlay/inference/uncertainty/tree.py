@@ -23,9 +23,7 @@ from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_readings
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.scene.parameters import declared
-
-__all__ = ["Blocks", "CurveModel", "NothingDrawnError", "Tangent", "bending", "curve_models", "resolution"]
+from underlay.quantities import declared
 
 _MOST, _MOST_FINE = 400, 1200  # largest number of blocks of a curve; of a curve that is fast near contact
 # Largest width of a block near contact, and the distance that counts as near: shares of the largest depth.

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.seen import Seen
     from underlay.scene.scene import Scene
 
-__all__ = ["CHECK", "GOOD", "REJECT", "verdict_of"]
-
 #: Words of a verdict.
 GOOD, CHECK, REJECT = "good", "check", "reject"
 # Changes of the apparent modulus over the range from which a model is to be checked, and rejected; and how many

@@ -15,8 +15,6 @@ from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.density import Density, Place
 from underlay.inference.uncertainty.tree import NothingDrawnError, tangents
 
-__all__ = ["Node", "bends_of", "walk"]
-
 _FIRST, _SHORTEST = 0.5, 0.1  # first and shortest step along a ridge, in standard deviations
 _LONGEST = 1.0  # longest step, in the scaled coordinate
 _MOST, _DROP = 22, 8.0  # largest number of nodes on a side; nats below the maximum where a side ends

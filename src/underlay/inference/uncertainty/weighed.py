@@ -28,8 +28,6 @@ from underlay.inference.uncertainty.tree import (
     tangents,
 )
 
-__all__ = ["CurveState", "Weighed", "least_norm"]
-
 _KNOWN = 1e9  # degrees of freedom for a noise of stated size
 
 

@@ -24,7 +24,7 @@ from underlay.report.plots import style
 from underlay.scene.parameters import kind_of
 
 if TYPE_CHECKING:
-    from underlay.inference.profiles import LikelihoodProfile
+    from underlay.inference.profiling.profile_result import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 _BINS = 32
