@@ -3,14 +3,14 @@
 Each family has a few columns with normally distributed amplitudes, whose size `hypotheses` states. With P the
 contact force, w the depth of the tip and w_max the largest:
 
-    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error eps of the force, and a local shift
-    eta
+    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error eps of the force, and a local shift eta
              of the depth, as a gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each
     step     eight steps about contact, each a ramp .02 to .05 of the depth wide: sharp ones make the likelihood
              discontinuous
     ramp     a baseline that drifts linearly in time
     line     interference fringes or vibration: sine and cosine of the frequency that is strongest in the residual
-    turn     a baseline with a kink: linear in time but for one place, the likeliest or one of two near it
+    turn     a baseline with a kink: linear in time but for one place, the likeliest, or one of the two nearly as likely
+             that change the modulus most
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SLOWEST = 1.25  # least number of periods of a line in the record
 _FREQUENCIES = 96  # number of frequencies that are tried for a line
 _TURNS = 96  # number of places in the record that are tried for a turn
 #: Families of columns of which a hypothesis has one at most.
-FAMILIES = ("relative", "shift", "line", "turn", "turn, earlier", "turn, later")
+FAMILIES = ("relative", "shift", "line", "turn", "turn that softens", "turn that stiffens")
 LINE, TURN = FAMILIES.index("line"), FAMILIES.index("turn")
 
 
@@ -70,7 +70,7 @@ class Columns:
         """Columns for a model linearised as `tangent`, and the rows measured (n,)."""
         v = _root_depth(tangent.penetration)
         n, residual = len(measured), measured - tangent.force
-        turns, share = _turns(residual, tangent.columns)
+        turns, share = _turns(residual, tangent.columns, tangent.contact)
         parts = [
             tangent.columns,
             _steps(tangent.penetration),
@@ -136,12 +136,14 @@ def _line(residual: FloatArray, law: FloatArray) -> FloatArray:
     return np.column_stack((np.sin(phase[:, best]), np.cos(phase[:, best])))
 
 
-def _turns(residual: FloatArray, law: FloatArray) -> tuple[FloatArray, float]:
-    """Columns (n, 3) of a baseline with a kink, 2 |t - t0|, at the likeliest time t0 and at both ends of its range.
+def _turns(residual: FloatArray, law: FloatArray, pressing: FloatArray) -> tuple[FloatArray, float]:
+    """Columns (n, 3) of a baseline with a kink, 2 |t - t0|, at the likeliest time t0 and at two others.
 
-    Also returned is the mean likelihood of all places relative to the best: choosing the best place is no evidence
-    for a turn, and this share corrects for it. At the ends of the range the likelihood with white noise is lower by
-    e^(-3/2); three such places with equal priors have the mean and the variance of the normal distribution of t0.
+    The others are those, of all that are nearly as likely, with which the modulus is lowest and highest: where the
+    law can bend to any turn, that is what is not known. Also returned is the mean likelihood of all places
+    relative to the best: choosing the best place is no evidence for a turn, and this share corrects for it. Nearly
+    as likely means at least e^(-3/2) with white noise; three places so far apart, with equal priors, have the mean
+    and the variance of a normal distribution of t0.
     """
     n, places = len(residual), np.linspace(0.0, 1.0, _TURNS + 2)[1:-1]
     turns = 2.0 * np.abs(np.linspace(0.0, 1.0, n)[:, None] - places)
@@ -149,9 +151,14 @@ def _turns(residual: FloatArray, law: FloatArray) -> tuple[FloatArray, float]:
     q, _ = np.linalg.qr(law)
     left = turns - q @ (q.T @ turns)
     own = residual - q @ (q.T @ residual)
-    squares = own @ own - (own @ left) ** 2 / np.maximum((left * left).sum(axis=0), 1e-9)
+    lengths, seen = np.maximum((left * left).sum(axis=0), 1e-9), own @ left
+    squares = own @ own - seen**2 / lengths
     # With as many readings as parameters nothing is left that a turn could explain.
     squares = np.maximum(squares, max(1e-12 * float(own @ own), np.finfo(float).tiny))
     behind = 0.5 * n * np.log(squares / squares.min())
     best, near = int(np.argmin(behind)), np.flatnonzero(behind <= 1.5)
-    return turns[:, [best, near[0], near[-1]]], float(np.exp(-behind).mean())
+    # Of the law's columns the one most like the contact force is that of the modulus.
+    likeness = np.abs(pressing @ law) / np.maximum(np.sqrt((law * law).sum(axis=0)), np.finfo(float).tiny)
+    moves = np.linalg.pinv(law)[int(np.argmax(likeness))] @ turns[:, near] * (seen / lengths)[near]
+    chosen = [best, near[int(np.argmin(moves))], near[int(np.argmax(moves))]]
+    return turns[:, chosen], float(np.exp(-behind).mean())
