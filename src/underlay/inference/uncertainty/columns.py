@@ -3,14 +3,14 @@
 Each family has a few columns with normally distributed amplitudes, whose size `hypotheses` states. With P the
 contact force, w the depth of the tip and w_max the largest:
 
-    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error eps of the force, and a local shift eta
-             of the depth, as a gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each
+    misfit   P eps(v) and dP/dw eta(v), v = sqrt(w / w_max): a relative error eps of the force, and a local shift
+             eta of the depth, as a gradual contact makes; both with correlation exp(-|dv| / 0.5), six columns each
     step     eight steps about contact, each a ramp .02 to .05 of the depth wide: sharp ones make the likelihood
              discontinuous
     ramp     a baseline that drifts linearly in time
     line     interference fringes or vibration: sine and cosine of the frequency that is strongest in the residual
-    turn     a baseline with a kink: linear in time but for one place, the likeliest, or one of the two nearly as likely
-             that change the modulus most
+    turn     a baseline with a kink: linear in time but for one place: the likeliest, or one of two that
+             are nearly as likely and change the modulus most
 """
 
 from __future__ import annotations
