@@ -341,3 +341,22 @@ def test_starts_pull_as_hard_as_the_dip(branch):
         work = ul.Problem(begun, made(scene, depth), FREE).physical(vector)[1]
         # The deepest of the readings is deeper than the dip by some of their noise, 2 % each.
         assert work == pytest.approx(2e-4, rel=0.15)
+
+
+def test_a_tip_whose_law_has_no_end_is_fitted():
+    """DMT's law of a half-space goes as deep as one asks."""
+    tip, sample = ul.Paraboloid(5e-8), ul.Layer(ul.Isotropic(2e9, 0.3))
+    made = ul.Scene(tip, sample, adhesion=ul.DMT(0.05), uncertainties="none")
+    curve = ul.synthesize(
+        made, np.linspace(-2e-9, 5e-9, 300), ul.Noise(force=1e-10), np.random.default_rng(4)
+    )
+    started = ul.Scene(tip, ul.Layer(ul.Isotropic(1e9, 0.3)), adhesion=ul.DMT(0.01), uncertainties="none")
+    free = {
+        "layer.E": (1e6, 1e11),
+        "adhesion.work": (1e-4, 1.0),
+        "instrument.contact_depth": (-5e-9, 5e-9),
+        "instrument.baseline": ul.Normal(0.0, 1e-8),
+    }
+    fit = ul.fit(ul.Problem(started, curve, free))
+    assert fit.values["layer.E"] == pytest.approx(2e9, rel=0.02)
+    assert fit.values["adhesion.work"] == pytest.approx(0.05, rel=0.05)

@@ -344,3 +344,58 @@ def test_a_curve_without_contact_sets_no_lower_limit(base, free):
     fit = ul.fit(ul.Problem(assumed, ul.Curve(depth, force), free))
     assert fit.answer(E).low == -math.inf
     assert fit.verdict != "good"
+
+
+@pytest.mark.parametrize("approach", [2e-6, 5e-6, 1e-5])
+def test_a_punch_that_begins_close_to_contact_is_fitted_at_its_kink(approach):
+    """Contacts before the first reading explain a straight line equally badly, and no search leaves them."""
+    layer = ul.Layer(ul.Isotropic(8e5, 0.45), 1e-3)
+    made = ul.Scene(ul.FlatPunch(6e-4), layer, ul.RIGID, uncertainties="none")
+    depth = np.linspace(-approach, 6e-5, 400)
+    for seed in range(3):
+        curve = ul.synthesize(made, depth, ul.Noise(force=2e-3), np.random.default_rng(seed))
+        free = {E: (1e4, 1e8), C: (-5e-5, 5e-5), B: None}
+        known = ul.fit(ul.Problem(made, curve, free)).answer(E)
+        assert known.value == pytest.approx(8e5, rel=0.01)
+        assert 8e5 in known.interval
+
+
+@pytest.mark.parametrize("tip", [ul.Sphere(3e-3), ul.Cone(math.radians(60)), ul.FlatPunch(6e-4)])
+def test_numbers_that_move_the_force_alike_are_not_determined(tip):
+    """E and Poisson's ratio of a half-space scale the force alike: their covariance is singular."""
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45))
+    made = ul.Scene(tip, layer, uncertainties="none")
+    curve = ul.synthesize(made, np.linspace(-2e-5, 1e-4, 300), ul.Noise(force=1e-4), np.random.default_rng(1))
+    fit = ul.fit(ul.Problem(made, curve, {E: (1e4, 1e8), "layer.nu": (0.0, 0.5), C: (-5e-5, 5e-5), B: None}))
+    assert 1e6 in fit.answer(E).interval
+    assert "not determined" in fit.verdict.reason
+
+
+def test_a_free_slope_is_as_certain_as_a_straight_line_before_contact():
+    """A ramp of the force beside it would only say the same once more."""
+    depth = np.linspace(-1e-6, 1e-6, 800)
+    half = ul.Scene(ul.Paraboloid(2.5e-6), ul.Layer(ul.Isotropic(5e3, 0.5)), uncertainties="none")
+    for seed in range(3):
+        curve = ul.synthesize(half, depth, ul.Noise(force=2e-11), np.random.default_rng(seed))
+        tilted = ul.Curve(depth, curve.force + 1e-4 * depth)
+        slope = "instrument.baseline_slope"
+        fit = ul.fit(ul.Problem(half, tilted, {E: (1e1, 1e6), C: (-5e-7, 8e-7), B: None, slope: None}))
+        before = depth < 0.0
+        line = 1.96 * 2e-11 / (np.sqrt(before.sum()) * depth[before].std())
+        known = fit.interval(slope, part="statistical")
+        assert 1e-4 in known
+        assert known.high - known.low < 4.0 * line
+
+
+def test_the_less_the_noise_the_shorter_the_interval():
+    """Zeros before contact are not the steps of a coarse converter."""
+    made = ul.Scene(ul.Paraboloid(3e-3), ul.Layer(ul.Isotropic(5e5, 0.45)), uncertainties="none")
+    depth = np.linspace(-2e-5, 1e-4, 300)
+    force = made.contact_law(1e-4).force(np.maximum(depth, 0.0))
+    rng, widths = np.random.default_rng(3), []
+    for noise in (1e-3, 1e-5, 0.0):
+        noisy = ul.Curve(depth, force + noise * force.max() * rng.standard_normal(300))
+        known = ul.fit(ul.Problem(made, noisy, {E: (1e4, 1e8), C: (-5e-5, 5e-5), B: None})).answer(E)
+        assert known.value == pytest.approx(5e5, rel=0.01)
+        widths.append(known.high / known.low - 1.0)
+    assert widths[0] > widths[1] > widths[2]

@@ -296,3 +296,16 @@ def test_a_calibration_known_to_a_share_is_a_row_of_the_budget(load):
     assert rows.loc["spring_constant", "size"] == "± 20 %"
     assert rows.loc["sensitivity", "size"] == "± 5.9 %"
     assert KAPPA not in problem.names
+
+
+def test_a_lever_in_series_is_no_compliance_of_the_scene():
+    """Its bending is in the depth again, and nothing is taken off twice."""
+    k, made = 0.06, ul.Scene(ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(2e3, 0.5)), uncertainties="none")
+    w, rng = np.linspace(-1e-6, 1e-6, 600), np.random.default_rng(6)
+    shake = rng.normal(0.0, 2e-10, 600)
+    force = made.contact_law(1e-6).force(np.maximum(w, 0.0)) + k * shake
+    curve = ul.Curve(w - shake, force).with_metadata(spring_constant=k, bending_taken_off=True)
+    free = {"layer.E": (1e1, 1e6), "instrument.contact_depth": (-5e-7, 5e-7), "instrument.baseline": None}
+    fit = ul.fit(ul.Problem(made, curve, free))
+    assert fit.problem.scenes(fit.vector)[0].instrument.compliance == pytest.approx(1.0 / k, rel=0.05)
+    assert "compliance" not in fit.verdict.reason

@@ -1,5 +1,7 @@
 """Starts and their candidates: blocks, the scan's agreement with a known base, which minima are kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -205,3 +207,25 @@ def test_a_layer_on_another_is_found_without_laws_of_thin_layers():
     assert found.values[H] == pytest.approx(1e-3, rel=0.1)
     # Those of the scan are not counted; with steps three times as long it is ten.
     assert found.statistics.laws_built <= 6
+
+
+def test_a_ball_that_travels_through_air_by_many_radii_finds_its_contact():
+    """No law of the ball goes as deep as the first readings are away from the last."""
+    made = ul.Scene(ul.Sphere(2.5e-6), ul.Layer(ul.Isotropic(2e3, 0.5)), uncertainties="none")
+    depth = np.linspace(-3e-5, 1e-6, 1500)
+    curve = ul.synthesize(made, depth, ul.Noise(force=1e-11), np.random.default_rng(2))
+    away = ul.Curve(depth - 2.5e-5, curve.force)
+    free = {"layer.E": (1.0, 1e10), "instrument.contact_depth": None, "instrument.baseline": None}
+    fit = ul.fit(ul.Problem(made, away, free))
+    assert fit.values["layer.E"] == pytest.approx(2e3, rel=0.05)
+    assert fit.values["instrument.contact_depth"] == pytest.approx(-2.5e-5, abs=5e-8)
+
+
+def test_bounds_of_the_contact_beyond_the_readings_are_refused():
+    made = ul.Scene(ul.Sphere(2.5e-6), ul.Layer(ul.Isotropic(2e3, 0.5)))
+    curve = ul.synthesize(
+        made, np.linspace(-2e-6, 1e-6, 200), ul.Noise(force=1e-11), np.random.default_rng(2)
+    )
+    late = replace(made, instrument=ul.Instrument(contact_depth=4e-6))
+    with pytest.raises(ul.InputError, match=r"from 3 um to 6 um, and the readings are from -2 um to 1 um"):
+        ul.Problem(late, curve, {"layer.E": None, "instrument.contact_depth": (3e-6, 6e-6)})

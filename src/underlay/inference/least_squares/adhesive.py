@@ -136,7 +136,7 @@ def _works(member: Member, marks: list[_Marks], modulus: float, near: float) -> 
         law = _law(member, {_MODULUS: modulus, _WORK: work}, max(mark.span for mark in marks))
         if law is None:
             return [known]
-        least = -float(_forces(law)[1].min())
+        least = -float(_forces(law, max(mark.span for mark in marks))[1].min())
         if not least > 0.0:
             return [known]
         work *= pull / least
@@ -157,7 +157,7 @@ def _vector(problem: Problem, marks: list[_Marks], modulus: float, work: float) 
             law = _law(member, values, mark.span)
             if law is None:
                 return None
-            depths, forces = _forces(law)
+            depths, forces = _forces(law, mark.span)
             pulling = np.flatnonzero(forces <= 0.0)
             unloaded = float(depths[pulling[-1]]) if pulling.size else 0.0
             values[ContactDepth.path] = mark.crossing - unloaded
@@ -178,9 +178,13 @@ def _law(member: Member, values: dict[str, float], deepest: float) -> ContactLaw
         return None
 
 
-def _forces(law: ContactLaw) -> tuple[FloatArray, FloatArray]:
-    """Depths (m) over the whole domain of an adhesive law, and its forces (N) there; zeros for an empty domain."""
+def _forces(law: ContactLaw, deepest: float) -> tuple[FloatArray, FloatArray]:
+    """Depths (m) over the domain of an adhesive law, and its forces (N) there; zeros for an empty domain.
+
+    A law without an end, as DMT's of a half-space, is taken to the depth `deepest` (m).
+    """
     start, end = law.domain
+    end = end if np.isfinite(end) else deepest
     depths = np.linspace(start, max(end, -start), _POINTS)[1:]
     depths = depths[depths <= law.max_depth]
     if not depths.size:

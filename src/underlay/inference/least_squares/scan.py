@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
+from underlay.errors import RangeError
 from underlay.inference.least_squares.adhesive import adhesive_starts
 from underlay.inference.least_squares.memory_starts import Start, memory_starts
 from underlay.inference.least_squares.objective import log_share
@@ -60,6 +61,10 @@ _BETWEEN = 8  # steps from a thickness tried to the next
 # Of the three points that a parabola goes through: each, and the two others.
 _OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
 _BLOCKS = 16  # blocks of a curve: enough to tell a contact to a grid step
+# Share of the largest depth of a law that the first contact tried may ask for: other thicknesses reach less deep.
+_REACH = 0.9
+# Share of the spread of all depths below which that of the readings beyond a contact is rounding.
+_ROUNDED = 1e-9
 # Readings this close to the deepest one, over the range of depths, count as a hold there.
 _RESTS = 0.01
 # Misfit over the best's from which a place is no start. A start's misfit is 1.2 to 5 times that of the optimum
@@ -347,7 +352,56 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
     tried = [path for path in free if path in _TRIED]
     forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL, tried)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
-    return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales)
+    kink = kink_of(member.curve, free[CONTACT]) if CONTACT in free and _is_straight(member) else None
+    contacts = tried_contacts(free, blocks, member.base[CONTACT]) if kink is None else np.array([kink])
+    if len(contacts) > 1:
+        first = _first_within_reach(member, float(contacts[0]))
+        contacts = np.linspace(max(first, contacts[0]), max(first, contacts[-1]), len(contacts))
+    return ScanCurve(forward, blocks, free, contacts, scales)
+
+
+def _first_within_reach(member: Member, contact: float) -> float:
+    """The contact depth (m), or the first after it from which the tip is large enough for the deepest reading.
+
+    A ball that travels through air by ten of its radii has no law from most contacts on.
+    """
+    deepest = float(member.curve.depth.max())
+    if not (np.isfinite(member.scene.indenter.max_radius) and deepest > contact):
+        return contact
+    try:
+        member.forward.bare_law(member.base, deepest - contact)
+    except RangeError as error:
+        return contact if error.max_depth is None else deepest - _REACH * error.max_depth
+    return contact
+
+
+def _is_straight(member: Member) -> bool:
+    """Whether the force rises in a straight line from contact on."""
+    scene = member.scene
+    return scene.indenter.has_edge and scene.layer.stiffening is None and member.forward.history is None
+
+
+def kink_of(curve: Curve, contact: Coordinate) -> float | None:
+    """Depth (m), within the bounds of the contact depth, from which on a straight line that rises fits best.
+
+    Such is the force on a tip with an edge, and the best of all readings is its optimum. Contacts before the first
+    reading all explain it equally badly, and no search leaves them: where the way to contact is short, they are the
+    best of contacts a seventh of the curve apart. None where no reading lies within the bounds.
+    """
+    order = np.argsort(curve.depth, kind="stable")
+    depth, force = curve.depth[order], curve.force[order]
+    d, f = depth - depth.mean(), force - force.mean()
+    count, sum_d, sum_f, sum_dd, sum_df = (
+        np.cumsum(own[::-1])[::-1] for own in (np.ones_like(d), d, f, d * d, d * f)
+    )
+    # Sums of x = max(d - d_j, 0) over all readings, for the contact at each reading j.
+    x, xx, xf = sum_d - count * d, sum_dd - d * (2.0 * sum_d - count * d), sum_df - d * sum_f
+    spread = xx - x * x / len(d)
+    possible = (spread > _ROUNDED * spread[0]) & (xf > 0.0) & (depth >= contact.low) & (depth <= contact.high)
+    if not possible.any():
+        return None
+    explained = np.where(possible, xf * xf / np.where(possible, spread, 1.0), 0.0)
+    return float(depth[int(np.argmax(explained))])
 
 
 def _way_in(member: Member) -> Curve:

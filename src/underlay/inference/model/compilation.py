@@ -182,7 +182,7 @@ def against_travel(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[S
     )
     instrument = replace(scene.instrument, compliance=1.0 / stiffness)
     notes = (*curve.metadata.get("notes", ()), note)
-    seen = {"spring_constant": stiffness, IN_SERIES: True, "notes": notes}
+    seen = {"spring_constant": stiffness, IN_SERIES: True, "bending_taken_off": False, "notes": notes}
     return replace(scene, instrument=instrument), replace(curve, depth=travel).with_metadata(**seen)
 
 
@@ -251,6 +251,9 @@ def compile_members(
         coordinates.append(make_coordinate(request.name, request.path, known, start, given, widest))
         for i in request.curves:
             entries[i][request.path] = index
+    for (scene, curve), own_entries in zip(tests, entries, strict=True):
+        contact = own_entries.get(ContactDepth.path)
+        _require_contact(scene, curve, None if contact is None else coordinates[contact])
     members = tuple(
         _member(scene, curve, noises[i], of_noises[i], entries[i], solver, store)
         for i, (scene, curve) in enumerate(tests)
@@ -282,6 +285,20 @@ def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) 
 def _noise_of(given: NoiseModel | None, curve: Curve) -> NoiseModel:
     """The given noise model; else one of unknown size, or of known size for a curve of one or two mean values."""
     return given or Noise(scatter(curve) if means_alone(curve) else None)
+
+
+def _require_contact(scene: Scene, curve: Curve, contact: Coordinate | None) -> None:
+    """Refuse bounds of the contact depth beyond the deepest reading; a tip that adheres is in contact before it."""
+    first, last = float(curve.depth.min()), float(curve.depth.max())
+    if contact is None or scene.adhesion is not None or contact.low < last:
+        return
+    low, high, first_word, last_word = (
+        format_quantity(end, "length") for end in (contact.low, contact.high, first, last)
+    )
+    raise InputError(
+        f"no reading lies beyond contact: {contact.name} is sought from {low} to {high}, and the readings are "
+        f"from {first_word} to {last_word}; widen its bounds, or check the unit of the depth"
+    )
 
 
 def _require_unstated(path: str, scene: Scene) -> None:

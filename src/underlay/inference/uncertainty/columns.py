@@ -20,10 +20,12 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.tree import Tangent
 
+_TINY = np.finfo(float).tiny
 _LENGTH, _RANK, _GRID = 0.5, 6, 201  # of a misfit: correlation length in v, columns, places of its table
 # Middles and widths of the steps about contact, over the largest depth.
 _PLACES = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
@@ -66,16 +68,23 @@ class Columns:
     turn_share: float
 
     @classmethod
-    def of(cls, tangent: Tangent, measured: FloatArray) -> Columns:
-        """Columns for a model linearised as `tangent`, and the rows measured (n,)."""
+    def of(cls, tangent: Tangent, measured: FloatArray, baseline: NDArray[np.bool_]) -> Columns:
+        """Columns for a model linearised as `tangent`, and the rows measured (n,).
+
+        `baseline` (k,) says which derivatives are those of the instrument's baseline: a ramp or a turn is what
+        they leave of it, else a free slope of the baseline would be as uncertain as the ramp beside it.
+        """
         v = _root_depth(tangent.penetration)
         n, residual = len(measured), measured - tangent.force
         turns, share = _turns(residual, tangent.columns, tangent.contact)
+        drifts = _left_by(
+            tangent.columns[:, baseline], np.hstack((np.linspace(-1.0, 1.0, n)[:, None], turns))
+        )
         parts = [
             tangent.columns,
             _steps(tangent.penetration),
-            np.linspace(-1.0, 1.0, n)[:, None],
-            turns,
+            drifts[:, :1],
+            drifts[:, 1:],
             *_misfits(tangent, v),
             _line(residual, tangent.columns),
             residual[:, None],
@@ -87,10 +96,19 @@ class Columns:
         return cls(np.hstack(parts), law, step, ramp, turn, (*families, *alone), last, v, share)
 
 
+def _left_by(columns: FloatArray, drifts: FloatArray) -> FloatArray:
+    """What columns (n, b) of the baseline leave of drifts (n, d)."""
+    return drifts - columns @ np.linalg.lstsq(columns, drifts, rcond=None)[0]
+
+
 def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
-    """Columns (n, rank) of both misfits: of the force P and of dP/dw, each scaled to 1 at its largest."""
+    """Columns (n, rank) of both misfits: of the force P and of dP/dw, each scaled to 1 at its largest.
+
+    Zeros where no reading is in contact.
+    """
     basis = smooth_basis(v)
-    return [basis * (a / np.abs(a).max())[:, None] for a in (tangent.contact, tangent.stiffness)]
+    tops = ((a, max(float(np.abs(a).max()), _TINY)) for a in (tangent.contact, tangent.stiffness))
+    return [basis * (a / top)[:, None] for a, top in tops]
 
 
 def smooth_basis(v: FloatArray) -> FloatArray:
@@ -113,12 +131,12 @@ def _eigenvectors() -> FloatArray:
 
 
 def _root_depth(penetration: FloatArray) -> FloatArray:
-    deepest = max(float(penetration.max()), np.finfo(float).tiny)
+    deepest = max(float(penetration.max()), _TINY)
     return np.sqrt(np.clip(penetration / deepest, 0.0, 1.0))
 
 
 def _steps(penetration: FloatArray) -> FloatArray:
-    deepest = max(float(penetration.max()), np.finfo(float).tiny)
+    deepest = max(float(penetration.max()), _TINY)
     rise = (penetration[:, None] / deepest - _PLACES) / _WIDTHS + 0.5
     return np.asarray(np.clip(rise, 0.0, 1.0) / len(_PLACES) ** 0.5)
 
@@ -154,11 +172,11 @@ def _turns(residual: FloatArray, law: FloatArray, pressing: FloatArray) -> tuple
     lengths, seen = np.maximum((left * left).sum(axis=0), 1e-9), own @ left
     squares = own @ own - seen**2 / lengths
     # With as many readings as parameters nothing is left that a turn could explain.
-    squares = np.maximum(squares, max(1e-12 * float(own @ own), np.finfo(float).tiny))
+    squares = np.maximum(squares, max(1e-12 * float(own @ own), _TINY))
     behind = 0.5 * n * np.log(squares / squares.min())
     best, near = int(np.argmin(behind)), np.flatnonzero(behind <= 1.5)
     # Of the law's columns the one most like the contact force is that of the modulus.
-    likeness = np.abs(pressing @ law) / np.maximum(np.sqrt((law * law).sum(axis=0)), np.finfo(float).tiny)
+    likeness = np.abs(pressing @ law) / np.maximum(np.sqrt((law * law).sum(axis=0)), _TINY)
     moves = np.linalg.pinv(law)[int(np.argmax(likeness))] @ turns[:, near] * (seen / lengths)[near]
     chosen = [best, near[int(np.argmin(moves))], near[int(np.argmax(moves))]]
     return turns[:, chosen], float(np.exp(-behind).mean())

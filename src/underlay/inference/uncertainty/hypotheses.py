@@ -37,6 +37,9 @@ _STEPS, _RAMPS = (2.0, 10.0, 50.0), (3.0, 30.0)  # the same of step and ramp
 _LARGEST = 0.5  # largest misfit, over the peak force, so that none explains the whole curve
 _TRIED = 50.0  # number of frequencies of a line that the data can distinguish
 _KEPT, _MOST = 4e-3, 30  # least weight, and largest number, of the hypotheses that are kept
+# Least white noise of the rows, over the largest force: a converter of 24 bits has 20 that are not noise. What is
+# left of a made curve without noise is the error of the search, smooth in depth.
+_FINEST = 1e-6
 _SINGULAR = 1e-6  # singular value, over the largest, below which a direction is undetermined by the data
 _HOPELESS = 12.0  # nats below the best, with every second size, up to which a noise is tried with all sizes
 
@@ -140,6 +143,7 @@ def weigh(
     rows = np.arange(len(log_det))
     for choices in (_choices(coarse=True), _choices(coarse=False)):
         squares, own = _by_family(columns, gram[rows], choices)
+        squares += freedom * (_FINEST * top / scale) ** 2
         likely = -0.5 * (freedom * np.log(squares) + own + log_det[rows, None])
         likely += table.log_prior[rows, None] + choices.log_prior
         likely += np.where(choices.family >= TURN, np.log(columns.turn_share / (len(FAMILIES) - TURN)), 0.0)

@@ -148,9 +148,10 @@ def _inverses(matrices: FloatArray) -> FloatArray:
 
 
 def _roots(matrices: FloatArray) -> FloatArray:
-    """Cholesky factors (m, k, k) of such matrices."""
+    """Roots R (m, k, k) of such matrices, R R'. A negative eigenvalue is a zero but for rounding."""
     scale, scaled = _at_unit_diagonal(matrices)
-    return np.asarray(scale[:, :, None] * np.linalg.cholesky(scaled))
+    values, vectors = np.linalg.eigh(scaled)
+    return np.asarray(scale[:, :, None] * vectors * np.sqrt(np.maximum(values, _SINGULAR))[:, None])
 
 
 def _at_unit_diagonal(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:

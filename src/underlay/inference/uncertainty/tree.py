@@ -29,6 +29,7 @@ _MOST, _MOST_FINE = 400, 1200  # largest number of blocks of a curve; of a curve
 # Largest width of a block near contact, and the distance that counts as near: shares of the largest depth.
 _WIDEST, _NEAR = 0.03, 0.2
 _APPROACH = 2.0  # depth before contact that is kept, in largest indentation depths
+_WHOLE = 0.1  # distance of steps from whole multiples of the resolution: at random a quarter
 _REPEATS = 0.2  # share of equal successive readings from which readings are taken as rounded
 
 
@@ -71,12 +72,17 @@ def _size(depth: FloatArray, contact: float, deepest: float) -> int:
 
 
 def resolution(force: FloatArray) -> float:
-    """Step (N) to which the readings are rounded; zero where hardly any successive readings are equal."""
+    """Step (N) to which the readings are rounded; zero where hardly any successive readings are equal.
+
+    Zero too where the others are no whole multiples of a step: a curve without noise is level before contact.
+    """
     steps = np.abs(np.diff(force))
     moved = steps > 1e-9 * float(np.ptp(force))
     if moved.mean() > 1.0 - _REPEATS or not moved.any():
         return 0.0
-    return float(np.quantile(steps[moved], 0.05))
+    step = float(np.quantile(steps[moved], 0.05))
+    multiples = steps[moved] / step
+    return step if float(np.median(np.abs(multiples - np.rint(multiples)))) < _WHOLE else 0.0
 
 
 _CONTACT, _COMPLIANCE, _MODULUS = "instrument.contact_depth", "instrument.compliance", "layer.E"

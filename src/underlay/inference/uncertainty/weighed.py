@@ -25,6 +25,7 @@ from underlay.inference.uncertainty.tree import (
     held,
     noise_entries,
     prior_precision,
+    scales_force,
     tangents,
 )
 
@@ -50,7 +51,8 @@ class CurveState:
     def of(cls, model: CurveModel, vector: FloatArray) -> CurveState:
         """Compute the probabilities of what disturbs a curve at the optimum `vector` (k,)."""
         tangent = model.tangent(vector)
-        columns, n = Columns.of(tangent, model.measured), len(model.measured)
+        columns = Columns.of(tangent, model.measured, ~scales_force(model.problem))
+        n = len(model.measured)
         if not model.is_open:
             own = white(columns, 1.0 if model.size_is_known else None)
             return cls(model, tangent, columns, white_table(n), np.ones(n), own)
