@@ -25,21 +25,6 @@ from underlay._files import require_own_folder, write_atomic
 from underlay._text import one_line
 from underlay.errors import InputError, UnderlayError
 
-__all__ = [
-    "LARGEST_FILE",
-    "MOST_FILES",
-    "RESULTS",
-    "AnalysisFolder",
-    "analyses",
-    "described",
-    "is_kept",
-    "keep",
-    "kept",
-    "new_analysis",
-    "safe_name",
-    "stem_of",
-]
-
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
 LARGEST_FILE, MOST_FILES, _MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.

@@ -26,22 +26,6 @@ from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-__all__ = [
-    "ADVANCED",
-    "BASES",
-    "ELSEWHERE",
-    "PRESETS",
-    "Draft",
-    "Field",
-    "apart",
-    "draft_from",
-    "empty",
-    "help_of",
-    "in_the_form",
-    "preset",
-    "problem_with",
-]
-
 #: Samples to begin with: name of the file and what it is called.
 PRESETS: Mapping[str, str] = {
     "cartilage_on_bone": "Cartilage on bone",

@@ -32,17 +32,6 @@ from underlay.report.plots.fit import Canvas, canvas
 from underlay.report.plots.map import map_unit
 from underlay.report.review import review_cards
 
-__all__ = [
-    "decide",
-    "gallery",
-    "judged_table",
-    "map_is_old",
-    "overview",
-    "population_before",
-    "run_map",
-    "show_population",
-]
-
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
 PER_PAGE = 24

@@ -31,8 +31,6 @@ from underlay.report.page import today
 from underlay.report.page_fit import FitPage
 from underlay.report.page_posterior import PosteriorPage
 
-__all__ = ["film_of", "film_rows", "sample_posterior", "tell_found"]
-
 _WALKERS, _EVERY = 64, 10
 _OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged over, which takes longer"
 _UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on from there, or allow more steps."

@@ -18,26 +18,6 @@ from underlay.report.plots.fit import Canvas
 from underlay.scene.scene_file import SceneFile
 from underlay.units import format_quantity, printed
 
-__all__ = [
-    "Card",
-    "Film",
-    "Found",
-    "Gallery",
-    "Law",
-    "Look",
-    "Overview",
-    "Progress",
-    "Reading",
-    "Row",
-    "Sampled",
-    "Taken",
-    "Together",
-    "each_once",
-    "facts_of",
-    "printed_rows",
-    "quality_of",
-]
-
 #: A row of a table: texts by column.
 Row: TypeAlias = dict[str, str]
 _SPANS = ("depth", "force")

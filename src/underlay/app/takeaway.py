@@ -23,8 +23,6 @@ from underlay.report.details import pointwise_of
 from underlay.report.excel import excel_bytes
 from underlay.report.render import report
 
-__all__ = ["analysis_archive", "crate", "fitted_test", "map_workbook", "report_page", "script", "workbook_of"]
-
 _KIND = FileKind("a file of an analysis", 4_000_000_000, "start a new analysis")
 # A date for every member, so that the same analysis is the same archive.
 _DATE = (1980, 1, 1, 0, 0, 0)

@@ -61,8 +61,6 @@ from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, parse_quantity, printed
 
-__all__ = ["Analyst", "thickness_from_heights"]
-
 _THICKNESS = "thickness (m)"
 _PLACE = re.compile(r"([xy])\s*[(\[]\s*(\w+)\s*[)\]]")
 

@@ -32,8 +32,6 @@ from underlay.scene.scene import Scene
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
 
-__all__ = ["accuracy_cost", "compared_solvers", "explicit_formula"]
-
 # The law relative to which errors are measured.
 _REFERENCE = Exact(1e-12)
 # Tolerances at which the exact law, and `Auto`, are compared.

@@ -26,8 +26,6 @@ from underlay.mechanics.solvers import AnySolver
 from underlay.quantities import replace_values
 from underlay.scene.instrument import Instrument
 
-__all__ = ["Effect", "EffectRule", "Simulated", "effects_of", "left_out_effects", "range_asked"]
-
 #: A function that finds one effect, from a scene and the law of its contact.
 EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
 # Duration of a ramp over a^2/c (a the contact radius, c the consolidation coefficient) in which most of the water

@@ -18,8 +18,6 @@ from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.effect_rules import Effect, EffectRule, Simulated, effects_of, range_asked
 
-__all__ = ["effect_sizes", "effects_in", "effects_table"]
-
 # Columns of the table.
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # Number of depths of the curves on which the cost of an effect is timed, from cold, with and without it in turns.

@@ -31,21 +31,6 @@ from underlay.mechanics.response import Response
 from underlay.quantities import Part, field_quantities, quantity
 from underlay.units import KINDS
 
-__all__ = [
-    "FURTHER",
-    "SENSITIVITY_RATIO",
-    "SPRING_CONSTANT",
-    "SPRING_CONSTANT_RATIO",
-    "Baseline",
-    "BaselineSlope",
-    "Chain",
-    "ContactDepth",
-    "ForceLink",
-    "Frame",
-    "Instrument",
-    "Lever",
-]
-
 #: One number, or one for each set, (sets, 1).
 PerSet: TypeAlias = float | FloatArray
 # Largest number of steps of Newton's method: from the stiff side of a convex function it converges monotonically,

@@ -18,11 +18,11 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
 from underlay.mechanics.stiffening import Gent
-from underlay.quantities import Part, declared, kind_of
+from underlay.quantities import Part
+from underlay.quantities import declared as declared
+from underlay.quantities import kind_of as kind_of
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
-
-__all__ = ["DECLARING", "declared", "fields_meant", "hint", "kind_of", "unknown_parameter"]
 
 # Names from papers and instruments, in lower case without spaces or underscores, and the fields they are.
 _SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -34,8 +34,6 @@ from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 from underlay.scene.uncertainties import checked
 
-__all__ = ["Scene", "bond_of", "faces", "has_face", "unknown_faces", "with_bond"]
-
 # First and largest depth (m) of the law that is tried for a given force, and the largest factor between two tries.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
 

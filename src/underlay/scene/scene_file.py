@@ -67,20 +67,6 @@ from underlay.scene.scene import Scene
 from underlay.scene.scene_keys import CurveSection, fit_keys, keys_of, read_table
 from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_of
 
-__all__ = [
-    "PLACE",
-    "SCENE_FILE",
-    "FreeParameter",
-    "SceneFile",
-    "SimulatedDepths",
-    "entries",
-    "free_parameters",
-    "load_scene",
-    "read_scene_file",
-    "scene_file_from_text",
-    "scene_from_text",
-]
-
 # Placeholder for a length that only the file of a curve gives; never computed with.
 _STAND_IN = "1 m"
 #: Placeholder in a starter scene for a number that is still to be written.

@@ -36,21 +36,6 @@ from underlay.scene.parameters import hint
 from underlay.scene.program import SimulatedDepths
 from underlay.units import KINDS, parse_quantity
 
-__all__ = [
-    "EQUIVALENT_CONES",
-    "RUN",
-    "SEGMENTS",
-    "TOP",
-    "CurveSection",
-    "Key",
-    "SceneKey",
-    "SolverSection",
-    "fit_keys",
-    "keys_of",
-    "read_table",
-    "scene_keys",
-]
-
 #: Pyramids that are replaced by the cone of the same projected area.
 EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
 #: Parts of a curve that can be fitted; and the pattern of one segment of several, by its kind and number from 1.

@@ -41,8 +41,6 @@ from underlay.scene.scene import Scene
 from underlay.scene.scene_keys import EQUIVALENT_CONES, SolverSection, keys_of, read_table
 from underlay.scene.uncertainties import rows_of, split_uncertainties
 
-__all__ = ["noise_of", "scene_of", "solver_of", "table_of"]
-
 #: Sections of the top layer. `Gent` is loaded with this module, so that it is among the kinds.
 _EFFECTS = {"relaxation": Relaxation, Gent.section.partition(".")[2]: Stiffening}
 #: Former keys of [solver], and their present names.

@@ -13,8 +13,6 @@ from underlay.app.shown import Reading
 from underlay.data.readers import all_formats
 from underlay.errors import InputError, UnderlayError
 
-__all__ = ["FOLDER_DROPPED", "FilesStep"]
-
 #: What is said where a browser could not send what was dropped.
 FOLDER_DROPPED = (
     "The upload failed: a folder cannot be dropped. Drop the files in it, or a ZIP archive of them."

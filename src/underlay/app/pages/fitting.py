@@ -19,8 +19,6 @@ from underlay.report.plots.fit import Canvas
 from underlay.report.tables import amounts, span
 from underlay.units import printed
 
-__all__ = ["GREEN", "GREY", "FilmPart", "FitStep"]
-
 _WORDS = (
     "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
     "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and "

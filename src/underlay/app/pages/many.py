@@ -18,8 +18,6 @@ from underlay.app.pages.step import Step, Window, Working, data_address, helped,
 from underlay.app.shown import Card, Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
 
-__all__ = ["GalleryPart", "ManyStep", "PopulationPart", "RegionPart"]
-
 _NONE = "none"
 _OLD = "Curves were fitted or decided on since: press Mean and spread again."
 _HEIGHTS = (

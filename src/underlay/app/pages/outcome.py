@@ -10,8 +10,6 @@ from underlay.app.pages.step import Window, Working, message_list, sheet
 from underlay.app.shown import Found, Row
 from underlay.app.state import said
 
-__all__ = ["Outcome", "plain_table"]
-
 _OLD = "The test, the contact point or the range was changed since: press Fit again."
 
 

@@ -18,8 +18,6 @@ from underlay.app.state import SAMPLES, Home, OpenAnalysis, with_sample
 from underlay.errors import UnderlayError
 from underlay.report.page import style_of
 
-__all__ = ["COLOURS", "AnalysisPage", "StartPage", "add_pages"]
-
 #: What buttons, sliders and messages are painted with.
 COLOURS = {
     "primary": "#0072b2",

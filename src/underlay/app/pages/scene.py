@@ -33,8 +33,6 @@ from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import SceneKey, scene_keys
 from underlay.units import KINDS, format_quantity, printed, printed_unit
 
-__all__ = ["FreeTable", "SceneStep", "SceneText"]
-
 _BOUNDS = ("min", "max")
 _OF_PRIOR = {"normal": ("mean", "sd"), "lognormal": ("median", "relative_sd"), "halfnormal": ("sd",)}
 # The contact point is held or fitted where the curve is seen.

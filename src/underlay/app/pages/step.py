@@ -15,8 +15,6 @@ from underlay.app.state import OpenAnalysis
 from underlay.app.work import Tell, Worker, WorkError
 from underlay.errors import UnderlayError
 
-__all__ = ["Step", "Window", "Working", "complain", "data_address", "helped", "message_list", "sheet"]
-
 _Element = TypeVar("_Element", bound=ui.element)
 
 

@@ -8,8 +8,6 @@ from underlay.app.folder import is_kept
 from underlay.app.pages.step import Step, Working, helped, message_list, sheet
 from underlay.app.shown import Found, Sampled, Taken
 
-__all__ = ["TakeAwayStep"]
-
 # What can be taken: words, task, ending of the file's name.
 _OF_FIT = (
     ("Report: one page (HTML)", "report", "report.html"),
