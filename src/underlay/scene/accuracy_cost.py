@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -28,9 +27,6 @@ from underlay.mechanics.published import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfSpace, Published, as_solver
 from underlay.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from underlay.scene.scene import Scene
 
 # The law relative to which errors are measured.
 _REFERENCE = Exact(1e-12)
