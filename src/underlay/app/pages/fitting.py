@@ -7,12 +7,22 @@ from __future__ import annotations
 
 import math
 import time
+from functools import partial
 
 from nicegui import events, ui
 
 from underlay.app.folder import is_kept
-from underlay.app.pages.outcome import Outcome, plain_table
-from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list
+from underlay.app.pages.outcome import Outcome
+from underlay.app.pages.step import (
+    Step,
+    Window,
+    Working,
+    button,
+    data_address,
+    helped,
+    message_list,
+    table,
+)
 from underlay.app.shown import Film, Found, Law, Look
 from underlay.report.labels import labelled, start
 from underlay.report.plots.fit import Canvas
@@ -121,7 +131,7 @@ class FilmPart:
         with self._place:
             if is_old:
                 ui.label(_OLD).classes("note")
-            plain_table(film.table)
+            table(film.table)
             message_list(film.notes, "more")
             content = self._window.analysis.folder.read_result(film.picture)
             if content is not None:
@@ -163,9 +173,8 @@ class FitStep(Step):
             with ui.column().classes("main"):
                 with ui.row().classes("actions"):
                     for words, turn, mark in (("Previous", -1, "previous"), ("Next", 1, "next")):
-                        ui.button(words, on_click=lambda turn=turn: self._turn(turn)).props(
-                            "flat no-caps dense"
-                        ).mark(mark).tooltip(f"{words} curve of this analysis")
+                        tip = f"{words} curve of this analysis"
+                        button(words, partial(self._turn, turn), "flat dense", mark=mark, tip=tip)
                     self._place = ui.label().classes("quiet").mark("place")
                     ui.space()
                     for icon, words, factor in (
@@ -173,9 +182,8 @@ class FitStep(Step):
                         ("zoom_out", "Zoom out", 2.0),
                         ("zoom_out_map", "Whole curve", 0.0),
                     ):
-                        ui.button(icon=icon, on_click=lambda factor=factor: self._zoom(factor)).props(
-                            f'flat dense aria-label="{words}"'
-                        ).mark(icon).tooltip(words)
+                        look = f'flat dense icon={icon} aria-label="{words}"'
+                        button("", partial(self._zoom, factor), look, mark=icon, tip=words)
                 # The curve lies behind: with every move only what is over it is sent again.
                 self._paper = ui.element("div").classes("picture paper")
                 with self._paper:
@@ -250,7 +258,7 @@ class FitStep(Step):
         with self._empty:
             ui.label(says).classes("heading").mark("way")
             ui.label("The curve with its contact point and fit range will appear here, and then its modulus.")
-            ui.button(words, on_click=lambda: self.window.go(step)).props("unelevated no-caps")
+            button(words, lambda: self.window.go(step), "unelevated")
 
     async def _turn(self, turn: int) -> None:
         """Select the next (1) or previous (-1) curve, in a cycle."""

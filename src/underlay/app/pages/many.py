@@ -14,7 +14,17 @@ from collections.abc import Awaitable, Callable
 from nicegui import events, ui
 
 from underlay.app.labels import LABELS, curves_on_sample
-from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list, sheet
+from underlay.app.pages.step import (
+    Step,
+    Window,
+    Working,
+    button,
+    data_address,
+    folded,
+    helped,
+    message_list,
+    sheet,
+)
 from underlay.app.shown import Card, Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
 
@@ -75,9 +85,8 @@ class GalleryPart:
 
     def _card(self, card: Card) -> None:
         with ui.element("article").classes(f"card {card.verdict} {card.decision}").mark(f"card-{card.name}"):
-            name = ui.button(card.name, on_click=lambda: open_curve(self._window, card.name))
-            name.props("flat dense no-caps align=left").classes("card-name").mark(f"open-{card.name}")
-            name.props('title="Opens this curve in step 3"')
+            look, mark = 'flat dense align=left title="Opens this curve in step 3"', f"open-{card.name}"
+            button(card.name, lambda: open_curve(self._window, card.name), look, kind="card-name", mark=mark)
             # The picture is made here of numbers alone; names in it are escaped.
             ui.html(card.picture, sanitize=False).classes("card-picture")
             for words in (*card.numbers, f"{card.verdict}; {card.misfit}"):
@@ -92,16 +101,13 @@ class GalleryPart:
             with ui.row().classes("card-buttons"):
                 if card.fitted:
                     self._button("Accept", card, "accept")
-                ui.button("Reject ...", on_click=lambda: self._refuse(card)).props("flat dense no-caps").mark(
-                    f"refuse-{card.name}"
-                )
+                button("Reject ...", lambda: self._refuse(card), "flat dense", mark=f"refuse-{card.name}")
                 if card.decision:
                     self._button("Undo", card, "")
 
     def _button(self, words: str, card: Card, word: str) -> None:
-        ui.button(words, on_click=lambda: self._decide(card, word, "")).props("flat dense no-caps").mark(
-            f"{words.lower()}-{card.name}"
-        )
+        mark = f"{words.lower()}-{card.name}"
+        button(words, lambda: self._decide(card, word, ""), "flat dense", mark=mark)
 
     async def _refuse(self, card: Card) -> None:
         with self._asked, ui.dialog() as dialog, ui.card():
@@ -109,10 +115,8 @@ class GalleryPart:
             reason = helped(ui.input("Reason"), "reason").props("outlined dense autofocus").classes("wide")
             reason.on("keydown.enter", lambda: dialog.submit(reason.value))
             with ui.row():
-                ui.button("Reject", on_click=lambda: dialog.submit(reason.value)).props(
-                    "unelevated no-caps"
-                ).mark("refuse-now")
-                ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
+                button("Reject", lambda: dialog.submit(reason.value), "unelevated", mark="refuse-now")
+                button("Cancel", dialog.close, "flat")
         said = await dialog
         dialog.delete()
         if said is not None:
@@ -148,7 +152,7 @@ class PopulationPart:
     def __init__(self, window: Window, place: ui.column) -> None:
         self._window, self._place = window, place
         ui.label("Groups").classes("heading")
-        with ui.expansion("What each curve belongs to").props("dense").classes("wide").mark("whose"):
+        with folded("What each curve belongs to").mark("whose"):
             self._find = helped(ui.input("Files whose name holds"), "label-files").classes("wide")
             self._find.props("outlined dense clearable")
             self._found = ui.label().classes("quiet")
@@ -157,10 +161,9 @@ class PopulationPart:
             with ui.row().classes("fields"):
                 self._column = ui.select(list(LABELS), value=LABELS[0], label="are of").classes("prior")
                 helped(self._column, "label-column").props("outlined dense")
-                self._label = (
-                    helped(ui.input("called"), "label-name").props("outlined dense").classes("field")
-                )
-                ui.button("Set", on_click=self._set).props("outline no-caps").mark("label-set")
+                self._label = helped(ui.input("called"), "label-name")
+                self._label.props("outlined dense").classes("field")
+                button("Set", self._set, mark="label-set")
             manifest = ui.upload(
                 label="Or bring a table (CSV: file, animal, group, x, y, thickness, ...)",
                 auto_upload=True,
@@ -173,10 +176,8 @@ class PopulationPart:
                 helped(self._by, "by").props("outlined dense").classes("field")
                 self._group = ui.select([_NONE], value=_NONE, label="Compare")
                 helped(self._group, "group").props("outlined dense").classes("field")
-            self._ask = ui.button("Mean and spread", on_click=self._together).props("outline no-caps")
-            self._ask.mark("together").tooltip(
-                "Mean over animals with its interval, spread between and within them, and a box plot"
-            )
+            tip = "Mean over animals with its interval, spread between and within them, and a box plot"
+            self._ask = button("Mean and spread", self._together, mark="together", tip=tip)
 
     async def show(self, told: Overview) -> None:
         """Offer the map's columns of labels as units and groups, and show the stored population."""
@@ -268,14 +269,12 @@ class HeightPart:
 
     def __init__(self, window: Window, told: Callable[[], Awaitable[None]]) -> None:
         self._window, self._told = window, told
-        with ui.expansion("Thickness from contact heights").props("dense").classes("wide").mark("heights"):
+        with folded("Thickness from contact heights").mark("heights"):
             ui.label(_HEIGHTS).classes("quiet")
             with ui.row().classes("fields"):
                 self._begins = helped(ui.input("Names on the substrate begin with"), "on-glass")
                 self._begins.props("outlined dense").classes("field")
-                ui.button("Set the thickness", on_click=self._set).props("outline no-caps").mark(
-                    "set-heights"
-                )
+                button("Set the thickness", self._set, mark="set-heights")
             self._place = ui.column().classes("wide")
 
     async def _set(self) -> None:
@@ -321,7 +320,7 @@ class RegionPart:
                 self._words = ui.label().classes("quiet")
                 self._name = helped(ui.input("Name of this region"), "region-name").classes("field")
                 self._name.props("outlined dense")
-                ui.button("Name region", on_click=self._set).props("outline no-caps").mark("region-set")
+                button("Name region", self._set, mark="region-set")
 
     def show(self, told: Overview) -> None:
         """Show the map where curves have positions, else hide it."""

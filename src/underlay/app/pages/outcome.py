@@ -7,7 +7,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from underlay.app.pages.step import Window, Working, message_list, sheet
-from underlay.app.shown import Found, Row
+from underlay.app.shown import Found
 from underlay.app.state import said
 
 _OLD = "The test, the contact point or the range was changed since: press Fit again."
@@ -79,12 +79,3 @@ class Outcome:
             sheet(found.sheet)
             message_list(found.notes)
         self._window.kept()
-
-
-def plain_table(rows: tuple[Row, ...]) -> None:
-    """Show rows of text as a table."""
-    if not rows:
-        return
-    columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in rows[0]]
-    table = ui.table(columns=columns, rows=[dict(row) for row in rows], row_key=next(iter(rows[0])))
-    table.props("flat dense wrap-cells hide-pagination").classes("wide")

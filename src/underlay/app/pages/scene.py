@@ -7,6 +7,7 @@ with its bounds and prior. `SceneText` takes the scene file as text, for what th
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import Any
 
 from nicegui import ui
@@ -24,7 +25,7 @@ from underlay.app.form import (
     problem_with,
 )
 from underlay.app.labels import comma_problem
-from underlay.app.pages.step import Step, Window, data_address, helped
+from underlay.app.pages.step import Step, Window, button, data_address, folded, helped
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts
@@ -139,7 +140,7 @@ class FreeTable:
                 self._line(path, known[path])
             others = [path for path in known if path not in usual and path not in free]
             if others:
-                with ui.expansion("More numbers").props("dense").classes("wide"):
+                with folded("More numbers"):
                     for path in others:
                         self._line(path, known[path])
 
@@ -244,11 +245,11 @@ class SceneText:
 
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
         self._window, self._changed = window, changed
-        with ui.expansion("More: the test as text").props("dense").classes("wide"):
+        with folded("More: the test as text"):
             ui.label(_WORDS).classes("quiet")
             self._text = helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes("wide")
             self._text.props('outlined autogrow input-class=code-entry aria-label="the test as text"')
-            ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
+            button("Use this text", self._use, mark="use-text")
 
     async def _use(self) -> None:
         """Use the edited text as the scene, or report what is wrong and leave the scene unchanged."""
@@ -286,15 +287,19 @@ class SceneStep(Step):
                 with ui.row().classes("presets"):
                     ui.label("Begin with").classes("quiet")
                     for name, words in PRESETS.items():
-                        ui.button(words, on_click=lambda name=name: self._begin(name)).props(
-                            "outline no-caps dense"
-                        ).mark(f"preset-{name}").tooltip("Fills in usual numbers, which count as assumed")
+                        begin, tip = (
+                            partial(self._begin, name),
+                            "Fills in usual numbers, which count as assumed",
+                        )
+                        button(words, begin, "outline dense", mark=f"preset-{name}", tip=tip)
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
                 # Not made again with every drawing: who stands on it with the keyboard stays there.
-                self._next = ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).mark("to-fit")
-                self._next.props("unelevated no-caps").set_visibility(False)
+                self._next = button(
+                    "Next: the fit", lambda: self.window.go("Fit"), "unelevated", mark="to-fit"
+                )
+                self._next.set_visibility(False)
                 self._free = FreeTable(self.window, self._changed)
 
     async def show(self) -> None:
@@ -318,7 +323,7 @@ class SceneStep(Step):
             for section, words in ADVANCED.items():
                 # Open where something stands in it that not every sample says.
                 is_open = any(field.text for field in draft.fields(section) if field.key.name not in _SAID)
-                with ui.expansion(words, value=is_open).props("dense").classes("wide"):
+                with folded(words, is_open=is_open):
                     self._fields(section)
             SceneText(self.window, self.show)
         await self._draw()
@@ -334,15 +339,11 @@ class SceneStep(Step):
         for number, section in enumerate(draft.between, start=2):
             with ui.row().classes("section-head"):
                 ui.label(f"Layer {number}").classes("heading")
-                ui.button("Remove", on_click=lambda section=section: self._relayer(section)).props(
-                    "flat dense no-caps"
-                )
+                button("Remove", partial(self._relayer, section), "flat dense")
             self._fields(section)
             self._axial(section)
         if draft.base != "none":
-            ui.button("Add a layer under it", on_click=lambda: self._relayer(None)).props(
-                "flat dense no-caps"
-            ).mark("add-layer")
+            button("Add a layer under it", lambda: self._relayer(None), "flat dense", mark="add-layer")
 
     def _axial(self, section: str) -> None:
         axial = ui.checkbox(
@@ -360,7 +361,7 @@ class SceneStep(Step):
         self._row(usual)
         if more:
             is_open = any(field.text for field in more)
-            with ui.expansion("Lower face, edges, drainage", value=is_open).props("dense").classes("wide"):
+            with folded("Lower face, edges, drainage", is_open=is_open):
                 self._row(more)
 
     def _is_layer(self, section: str) -> bool:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from nicegui import ui
 
 from underlay.app.folder import is_kept
-from underlay.app.pages.step import Step, Working, helped, message_list, sheet
+from underlay.app.pages.step import Step, Working, button, folded, helped, message_list, sheet
 from underlay.app.shown import Found, Sampled, Taken
 
 # What can be taken: words, task, ending of the file's name.
@@ -61,11 +63,7 @@ class TakeAwayStep(Step):
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
                 self._old = ui.label(_OLD_FIT).classes("note").mark("old-fit")
-                with (
-                    ui.expansion("For programmers: the test as a file, and Python that fits it")
-                    .props("dense")
-                    .classes("wide")
-                ):
+                with folded("For programmers: the test as a file, and Python that fits it"):
                     self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
                     self._script = ui.code("", language="python").classes("wide code").mark("script")
 
@@ -77,8 +75,8 @@ class TakeAwayStep(Step):
         is_mapped = (folder.results / "map.csv").is_file()
         self._none.set_visibility(not is_fitted)
         self._no_map.set_visibility(not is_mapped)
-        for button in self._of_fit:
-            button.set_enabled(is_fitted)
+        for offer in self._of_fit:
+            offer.set_enabled(is_fitted)
         self._of_map.set_enabled(is_mapped)
         self._working.allow(allowed=bool(stem) and not self.analysis.lacks)
         told = await self.window.try_to(self.analysis.quick, "taken")
@@ -90,26 +88,24 @@ class TakeAwayStep(Step):
         self._pictures.clear()
         with self._pictures:
             for path in folder.result_files(stem, (".png",)):
-                ui.button(
-                    f"Picture: {path.name.removeprefix(f'{stem}.')}",
-                    on_click=lambda path=path: self._give(path.name, path.name),
-                ).props("flat dense no-caps align=left")
+                words = f"Picture: {path.name.removeprefix(f'{stem}.')}"
+                button(words, partial(self._give, path.name), "flat dense align=left")
 
     def _offer(self, words: str, task: str, ending: str) -> ui.button:
-        button = ui.button(words).props("outline no-caps align=left")
-        return button.on_click(lambda: self._take(button, task, ending))
+        offer = button(words, lambda: self._take(offer, task, ending), "outline align=left")
+        return offer
 
-    async def _take(self, button: ui.button, task: str, ending: str) -> None:
-        button.props("loading")
+    async def _take(self, offer: ui.button, task: str, ending: str) -> None:
+        offer.props("loading")
         try:
             content = await self.window.ask(self.analysis.long, task)
         finally:
-            button.props(remove="loading")
+            offer.props(remove="loading")
         if isinstance(content, bytes):
             ui.download.content(content, f"{self.analysis.stem or 'underlay'}.{ending}")
 
-    def _give(self, result: str, name: str) -> None:
-        content = self.analysis.folder.read_result(result)
+    def _give(self, name: str) -> None:
+        content = self.analysis.folder.read_result(name)
         if content is not None:
             ui.download.content(content, name)
 
