@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import pandas as pd
 
-from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep
 from underlay.app.shown import Film, Found, Progress, Row, Sampled, each_once
@@ -23,13 +22,13 @@ from underlay.inference.from_files import problem_from, weak_bounds
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer
-from underlay.report import plots
-from underlay.report.details import write_fit
+from underlay.report.details import write_fit, write_posterior
 from underlay.report.film_tables import film_notes, film_table, write_film
 from underlay.report.labels import label
 from underlay.report.page import today
 from underlay.report.page_fit import FitPage
 from underlay.report.page_posterior import PosteriorPage
+from underlay.report.tables import notes_of
 
 _WALKERS, _EVERY = 64, 10
 _OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged over, which takes longer"
@@ -54,8 +53,8 @@ def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell
         old.unlink()
     page = FitPage(result, today())
     values = {name: _exact(result.answer(name)) for name in (*result.names, *result.derived)}
-    notes = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-    found = Found(tested.stem, tested.of, tested.text, values, page.head(), each_once(*notes))
+    notes = each_once(*notes_of(*result.curves))
+    found = Found(tested.stem, tested.of, tested.text, values, page.head(), notes)
     tell(found)
     found = replace(found, sheet=page.sheet())
     keep(folder, tested.stem, found)
@@ -104,11 +103,7 @@ def sample_posterior(
         problem = problem_from(file, curve, weak_bounds(file, curve))
         tell(Progress(0, most, _OPEN_NOISE if problem.noise_is_open else "looking for where to begin"))
         posterior = sample(problem, _WALKERS, most, backend=chain, resume=chain.exists(), progress=step)
-    for name, draw in (("corner", plots.corner), ("predictive", plots.predictive)):
-        plots.save(draw(posterior), folder.result(f"{stem}.{name}.png"))
-    posterior.save(folder.result(f"{stem}.posterior.npz"))
-    summary = csv_text(posterior.summary().rename_axis("parameter"))
-    write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
+    write_posterior(posterior, folder.results, stem)
     if not posterior.converged:
         # What the sampler warns of is the verdict already; what to do about it is not.
         notes = [_UNFINISHED, *(note for note in notes if posterior.diagnostics.reason not in note)]

@@ -35,16 +35,14 @@ from underlay.app.shown import (
     each_once,
     facts_of,
     printed_rows,
-    quality_of,
 )
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.contact_heights import thickness_of_heights
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve, recorded
-from underlay.data.readers import read_all
+from underlay.data.quality import check_quality
 from underlay.data.segments import LOADING
-from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError, gathered_warnings
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.file_facts import settle
@@ -56,7 +54,7 @@ from underlay.report import plots
 from underlay.report.limits import quality_doubts
 from underlay.report.plots.fit import LAW_STROKES, canvas, force_ends
 from underlay.report.plots.style import drawn
-from underlay.report.tables import format_name, reading_table, span
+from underlay.report.tables import curves_as_read, format_name, notes_of, reading_table, span
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, parse_quantity, printed
@@ -151,7 +149,6 @@ def _contact(
     )
 
 
-_READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
 _Of = TypeVar("_Of", Film, Found, Sampled)
 
@@ -176,30 +173,24 @@ class Analyst:
     def read(self, name: str, _tell: Tell) -> Reading:
         """Read a curve file with the options of the scene, and report on it."""
         path = self._folder.curve_file(name)
-        stated = self._stated()
-        options = {key: stated[key] for key in _READING if key in stated}
         try:
             with gathered_warnings() as told:
-                curves = [flipped(curve, stated.get("flip") or ()) for curve in read_all(path, **options)]
+                curves = curves_as_read(path, self._stated())
         except UnderlayError as error:
             return Reading(name, refused=str(error))
         rows = reading_table(list(enumerate(curves, start=1)))
-        notes = [str(note) for curve in curves for note in curve.metadata.get("notes", ())]
         return Reading(
             name,
             format_name(curves[0]),
             recorded(curves[0]),
             facts_of(curves[0]),
             printed_rows(rows),
-            each_once(*notes, *told),
+            each_once(*notes_of(*curves), *told),
         )
 
     def curve(self, name: str, test: int, _tell: Tell) -> tuple[bytes, bytes]:
         """Draw a curve (test from 1) as PNG: force against indentation, and its segments against time."""
-        stated = self._stated()
-        options = {key: stated[key] for key in _READING if key in stated}
-        read = read_all(self._folder.curve_file(name), **options)[test - 1]
-        whole = flipped(read, stated.get("flip") or ())
+        whole = curves_as_read(self._folder.curve_file(name), self._stated())[test - 1]
         try:
             contact = find_contact(whole).depth
         except UnderlayError:
@@ -238,7 +229,8 @@ class Analyst:
         high = float(file.curve.get("max_depth", np.inf)) if high is None else high
         quality, notes = "", list[str]()
         if contact is None:
-            quality, notes = quality_of(curve, file)
+            found = check_quality(curve, file.draft)
+            quality, notes = found.verdict, list(found.reasons)
             contact = _first_contact(curve, file)
         extent = float(curve.depth.min()), float(curve.depth.max())
         ends = view or extent

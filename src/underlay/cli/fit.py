@@ -83,7 +83,9 @@ def _show(result: ul.Fit, *, details: bool = False) -> None:
 
         say_parts(fit_parts(result, pointwise_of(result)))
     else:
-        say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
+        from underlay.report.tables import notes_of
+
+        say_warnings(notes_of(*result.curves))
 
 
 def demo(
@@ -271,17 +273,10 @@ def sample(
         notes.append(f"{named}: no bounds in [fit], so within ten times the range of the curve")
     say_warnings(notes)
     if output is not None:
-        draws = output / f"{curve.stem}.posterior.npz"
-        posterior.save(draws)
-        say(f"wrote {draws}")
-    write_out(
-        output,
-        {
-            f"{curve.stem}.posterior.csv": posterior.summary().rename_axis("parameter"),
-            f"{curve.stem}.corner.png": lambda: ul.plots.corner(posterior),
-            f"{curve.stem}.predictive.png": lambda: ul.plots.predictive(posterior),
-        },
-    )
+        from underlay.report.details import write_posterior
+
+        for path in write_posterior(posterior, output, curve.stem):
+            say(f"wrote {path}")
 
 
 def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:

@@ -25,8 +25,9 @@ from underlay.app.pages.step import (
     message_list,
     sheet,
 )
-from underlay.app.shown import Card, Gallery, Overview, Together
+from underlay.app.shown import Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
+from underlay.report.review import Card
 
 _NONE = "none"
 _OLD = "Curves were fitted or decided on since: press Mean and spread again."
@@ -89,7 +90,7 @@ class GalleryPart:
             button(card.name, lambda: open_curve(self._window, card.name), look, kind="card-name", mark=mark)
             # The picture is made here of numbers alone; names in it are escaped.
             ui.html(card.picture, sanitize=False).classes("card-picture")
-            for words in (*card.numbers, f"{card.verdict}; {card.misfit}"):
+            for words in (*card.numbers, f"{card.verdict}; {card.misfit_words}"):
                 ui.label(words).classes("card-words")
             if card.reason:
                 with ui.label(card.reason).classes("card-words quiet clipped"):
