@@ -3,8 +3,8 @@
 import io
 import json
 import zipfile
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -97,11 +97,8 @@ def test_while_a_handle_is_moved_two_laws_are_fitted_once_each_and_no_picture_is
 ):
     analyst, _ = looked_at(tmp_path, sample, sample)
     seen = analyst.look(None, None, None, None, silent)
-    pictures, readings = (
-        count_calls(monkeypatch, Figure, "savefig"),
-        count_calls(monkeypatch, tasks, "read_whole"),
-    )
-    fits = count_calls(monkeypatch, fitting, "_fit_once")
+    counted = ((Figure, "savefig"), (tasks, "read_whole"), (fitting, "_fit_once"))
+    pictures, readings, fits = (count_calls(monkeypatch, *called) for called in counted)
     moved = seen.contact + 0.01 * (seen.extent[1] - seen.extent[0])
     laws, notes = analyst.laws(moved, seen.low, seen.high, silent)
     assert (pictures.calls, readings.calls, fits.calls) == (0, 0, 2)
@@ -120,14 +117,8 @@ def test_a_tip_that_only_the_file_knows_is_drawn_as_the_file_says_it(tmp_path, m
     del draft.table("indenter")["radius"]
     folder.write_scene(draft.text())
     drawn = []
-
-    @dataclass
-    class Plots:
-        @staticmethod
-        def scene(test, **_more):
-            drawn.append(test)
-
-    monkeypatch.setattr("underlay.app.tasks.plots", Plots)
+    plots = SimpleNamespace(scene=lambda test, **_more: drawn.append(test))
+    monkeypatch.setattr("underlay.app.tasks.plots", plots)
     monkeypatch.setattr("underlay.app.tasks.drawn", lambda _ax: b"picture")
     assert analyst.scene(silent) == b"picture"
     assert drawn[0].indenter.radius == pytest.approx(27.5e-6)

@@ -1,21 +1,17 @@
 """The commands as a user meets them: results, files, and one clear line for every mistake."""
 
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
 from support.inverse import ambiguous
-from underlay.cli.app import app
+from support.python import python
 from underlay.data.export import curve_csv
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
@@ -27,22 +23,13 @@ def test_fit_prints_and_writes(run, tmp_path):
     code, out, _ = run("fit", CURVE, "--scene", SCENE, *words)
     assert code == 0
     assert re.search(r"^Layer modulus +E = 0\.6\d+ \(", out, re.MULTILINE)
-    assert list(pd.read_excel(tmp_path / "fit.xlsx", sheet_name=None)) == [
-        "results",
-        "settings",
-        "curves",
-        "depths",
-    ]
-    table = pd.read_csv(tmp_path / "new" / "folder" / "cartilage_on_bone.fit.csv")
-    assert list(table["parameter"]) == [
-        "layer.E",
-        "layer.thickness",
-        "instrument.contact_depth",
-        "instrument.baseline",
-    ]
-    written = json.loads((tmp_path / "new" / "folder" / "cartilage_on_bone.fit.json").read_text())
+    sheets = pd.read_excel(tmp_path / "fit.xlsx", sheet_name=None)
+    assert list(sheets) == ["results", "settings", "curves", "depths"]
+    results = tmp_path / "new" / "folder" / "cartilage_on_bone"
+    written = json.loads(results.with_suffix(".fit.json").read_text())
     assert written["values"]["layer.E"] == pytest.approx(0.62e6, rel=0.05)
-    assert (tmp_path / "new" / "folder" / "cartilage_on_bone.fit.png").read_bytes().startswith(b"\x89PNG")
+    assert list(pd.read_csv(results.with_suffix(".fit.csv"))["parameter"]) == list(written["values"])
+    assert results.with_suffix(".fit.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_an_excel_file_that_is_none_is_refused_before_the_fit(run, tmp_path):
@@ -132,13 +119,6 @@ def test_simulate_then_fit(run, tmp_path):
     assert "1.8" in out
 
 
-@pytest.mark.parametrize("words", [["--help"], ["fit", "--help"], ["demo", "--help"], ["simulate", "--help"]])
-def test_help(words):
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0
-    assert "Usage" in result.stdout
-
-
 def table(rows, header="depth (um),force (mN)"):
     return "\n".join([header, *rows]) + "\n"
 
@@ -149,12 +129,8 @@ RAMP = [f"{d:.3f},{max(d, 0.0) ** 1.5:.6f}" for d in np.linspace(-5, 20, 60)]
 BAD_CURVES = {
     "empty": (b"", "empty"),
     "words": (b"once upon a time\nthere was a gel\n", "not recognised|not a|no "),
-    "no force": (table(RAMP, "depth (um),colour").encode(), "force"),
     "unknown unit": (table(RAMP, "depth (um),force (parsnip)").encode(), "parsnip"),
-    "length for a force": (table(RAMP, "depth (um),force (mm)").encode(), "force"),
-    "no unit": (table(RAMP, "depth,force").encode(), "unit"),
     "not a number": (table([*RAMP[:30], "7.0,nan", *RAMP[30:]]).encode(), "nan|NaN"),
-    "infinite": (table([*RAMP[:30], "7.0,inf", *RAMP[30:]]).encode(), "inf"),
     "seven points": (table(RAMP[-7:]).encode(), "at least 8"),
     "never deeper": (
         table([f"{5 - i * 0.01:.3f},1.0" for i in range(60)]).encode(),
@@ -189,33 +165,22 @@ def test_files_that_are_not_there(run, tmp_path):
         assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("nu = 0.46", "nu = 0.7", "nu must be in"),
-        ('"2 MPa"', '"-2 MPa"', "must be positive"),
-        ('radius = "1 mm"', 'radius = "0 mm"', "must be positive"),
-        ('"2 mm"', '"-2 mm"', "thickness must be positive"),
-        ('radius = "1 mm"', 'radius = "20 um"', "larger radius"),
-        ("[solver]\nrtol = 1e-5", '[solver]\nname = "asymptotic"', "exact"),
-        ("layer.thickness = {", "substrate.E = {", "no parameter 'substrate.E'"),
-    ],
-)
-def test_bad_scenes_end_with_one_line(run, tmp_path, old, new, message):
+def test_bad_scenes_end_with_one_line(run, tmp_path):
     text = SCENE.read_text(encoding="utf-8")
-    assert old in text
-    text = text.replace(old, new)
-    if "asymptotic" in new:
-        # A layer this thin is beyond the root of the series, if not thinner than the depth pressed.
-        text = text.replace('thickness = "2 mm"', 'thickness = "0.3 mm"').replace(
-            'layer.thickness = { min = "0.3 mm", max = "10 mm" }', ""
-        )
+    # A layer this thin is beyond the root of the series, if not thinner than the depth pressed.
+    thin = text.replace('thickness = "2 mm"', 'thickness = "0.3 mm"').replace(
+        'layer.thickness = { min = "0.3 mm", max = "10 mm" }', ""
+    )
     scene = tmp_path / "scene.toml"
-    scene.write_text(text, encoding="utf-8")
-    code, _, err = run("fit", CURVE, "--scene", scene)
-    assert code == 2, err
-    assert message in err
-    assert err.count("\n") == 1
+    for wrong, message in (
+        (text.replace("nu = 0.46", "nu = 0.7"), "nu must be in"),
+        (text.replace('radius = "1 mm"', 'radius = "20 um"'), "larger radius"),
+        (thin.replace("[solver]\nrtol = 1e-5", '[solver]\nname = "asymptotic"'), "exact"),
+    ):
+        scene.write_text(wrong, encoding="utf-8")
+        code, _, err = run("fit", CURVE, "--scene", scene)
+        assert (code, err.count("\n")) == (2, 1)
+        assert message in err
 
 
 def next_step(err):
@@ -258,14 +223,7 @@ def test_a_folder_for_one_curve_leads_to_a_map_and_a_map_without_a_scene_to_a_ne
 
 
 def test_the_module_runs_too(tmp_path):
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-m", "underlay", "fit", str(tmp_path / "none.csv"), "--scene", str(SCENE)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=False,
-    )
+    done = python("-m", "underlay", "fit", tmp_path / "none.csv", "--scene", SCENE)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
 

@@ -65,11 +65,7 @@ def test_sample_then_report_needs_nothing_more(run, tmp_path):
     code, _, err = run("report", "results/curve.posterior.npz", "--output", "results/page.html")
     assert code == 0, err
     text = page_text(tmp_path / "results" / "page.html")
-    for part in (
-        "Data and prediction.",
-        "The test,",
-        "rigid, bonded to the layer",
-    ):
+    for part in ("Data and prediction.", "The test,", "rigid, bonded to the layer"):
         assert part in text, part
     # The corner as pixels; the band over the data, the drawing of the scene.
     source = (tmp_path / "results" / "page.html").read_text()

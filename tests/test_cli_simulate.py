@@ -140,17 +140,8 @@ def test_offsets_and_sampling_rate(run):
 
 def test_the_recorded_command_makes_the_same_again(run, tmp_path):
     words = ("--noise", "force=2 uN", "--noise", "outliers=5%", "--noise", "outlier_sd=1 mN")
-    made(
-        run,
-        "--seed",
-        "9",
-        *words,
-        "--offset",
-        "baseline=1 uN",
-        "--sampling-rate",
-        "50 Hz",
-        scene="noisy.toml",
-    )
+    words += ("--seed", "9", "--offset", "baseline=1 uN", "--sampling-rate", "50 Hz")
+    made(run, *words, scene="noisy.toml")
     first = [Path(name).read_bytes() for name in ("made.csv", "made.truth.json")]
     command = shlex.split(json.loads(first[1])["command"])
     (tmp_path / "again").mkdir()
@@ -178,10 +169,7 @@ def test_the_recorded_command_makes_the_same_again(run, tmp_path):
         (("--noise", "outliers=1%"), "outlier_sd"),
         (("--noise", "outlier_sd=1 mN"), "say how many too, e.g. --noise outliers=1%"),
         (("--noise", "outliers=3", "--noise", "outlier_sd=1 mN"), "between 0 and 1"),
-        (
-            ("--offset", "radius=1 mm"),
-            "--offset has no 'radius'. There are contact_depth, baseline",
-        ),
+        (("--offset", "radius=1 mm"), "--offset has no 'radius'. There are contact_depth, baseline"),
         (("--sampling-rate", "0 Hz"), "--sampling-rate must be positive"),
         (("--sampling-rate", "3"), "a frequency takes one of Hz"),
     ],

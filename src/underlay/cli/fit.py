@@ -14,14 +14,13 @@ from rich.console import Console
 import underlay as ul
 from underlay._files import require_writable_folder
 from underlay.cli import options
-from underlay.cli.console import say, say_parts, say_table, say_warnings, write_out
+from underlay.cli.console import say, say_parts, say_table, say_warnings, say_written, write_out
 from underlay.data.samples import sample as sample_file
 from underlay.errors import InputError, gathered_warnings, installing
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from underlay.inference.benchmark import Scores
     from underlay.inference.compare import Comparison
 
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
@@ -75,9 +74,7 @@ def _show(result: ul.Fit, *, details: bool = False) -> None:
     """Print the result of a fit: numbers, verdict, next step, notes; with `details` all that stands behind them."""
     from underlay.report.screen import fit_lines
 
-    say("")
-    for text in fit_lines(result):
-        say(text)
+    say("", *fit_lines(result))
     if details:
         from underlay.report.details import fit_parts, pointwise_of
 
@@ -106,9 +103,7 @@ def demo(
         say(f"\n{title}")
         _show(result)
         written += write_fit(result, folder, Path(curve).stem)
-    say("\nThe results are in:")
-    for path in written:
-        say(f"  {path}")
+    say("\nThe results are in:", *(f"  {path}" for path in written))
     say(f"\nNext: underlay fit CURVE --scene SCENE.toml (start from {sample_file(_SAMPLES[1][1])})")
 
 
@@ -130,9 +125,7 @@ def compare(
         bonds = ul.compare_bonds(problem) if faces else None
     say_table(_laws_shown(laws), f"{curve.name} under each contact model, best first")
     if bonds is not None:
-        say("Lower face of the layer")
-        for sentence in bonds_sentences(bonds):
-            say(f"  {sentence}")
+        say("Lower face of the layer", *(f"  {sentence}" for sentence in bonds_sentences(bonds)))
     say_warnings([*_on_the_best(laws), *notes])
     files = {f"{curve.stem}.laws.csv": laws.to_frame().reset_index()}
     write_out(output, files | ({} if bonds is None else {f"{curve.stem}.bonds.csv": bonds.to_frame()}))
@@ -192,13 +185,11 @@ def film(
     scene = options.scene_for(scene, curve, "film")
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
-    for note in film_notes(found, perfect=calibration is None):
-        say(note)
+    say(*film_notes(found, perfect=calibration is None))
     if output is not None:
         from underlay.report.film_tables import write_film
 
-        for path in write_film(found, output, curve.stem):
-            say(f"wrote {path}")
+        say_written(write_film(found, output, curve.stem))
 
 
 def sample(
@@ -261,9 +252,7 @@ def sample(
                 "force in [noise] of the scene file"
             )
         posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
-    say("")
-    for text in posterior_lines(posterior):
-        say(text)
+    say("", *posterior_lines(posterior))
     if details:
         from underlay.report.details import posterior_parts
 
@@ -275,8 +264,7 @@ def sample(
     if output is not None:
         from underlay.report.details import write_posterior
 
-        for path in write_posterior(posterior, output, curve.stem):
-            say(f"wrote {path}")
+        say_written(write_posterior(posterior, output, curve.stem))
 
 
 def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
@@ -335,7 +323,8 @@ def benchmark(
     say_table(
         scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
     )
-    _say_reasons(scores)
+    reasons = (f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason)
+    say(*dict.fromkeys(reasons))
     tables = {"benchmark.csv": scores.to_frame()}
     if program is None:
         law = solver or "auto"
@@ -344,10 +333,3 @@ def benchmark(
         say_table(tables["benchmark.references.csv"], f"{law}: force against the exact contact problem")
         say_table(tables["benchmark.finite_elements.csv"], f"{law}: force against finite elements")
     write_out(output, tables)
-
-
-def _say_reasons(scores: Scores) -> None:
-    """Print each reason why a curve has no estimate, once."""
-    reasons = [f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason]
-    for reason in dict.fromkeys(reasons):
-        say(reason)

@@ -156,11 +156,9 @@ def _show(table: pd.DataFrame) -> None:
     """Print the short text of a map, and up to ten failed curves with their reasons."""
     from underlay.report.screen import map_lines
 
-    for text in map_lines(table):
-        say(text)
     failed = table[table["status"] == "failed"]
-    for name, reason in zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True):
-        say(f"failed: {name}: {reason}")
+    shown = zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True)
+    say(*map_lines(table), *(f"failed: {name}: {reason}" for name, reason in shown))
     if len(failed) > _LISTED:
         say(f"and {len(failed) - _LISTED} more; see the column 'reason'")
 
@@ -215,11 +213,9 @@ def population(
     result = ul.population(
         table, levels, parameter, group=group, doubtful=doubtful, tails=tails, shared_error=shared_error
     )
-    for text in population_lines(result):
-        say(text)
+    say(*population_lines(result))
     if details:
-        for sentence in result.sentences():
-            say(sentence)
+        say(*result.sentences())
         for frame, title in zip(population_tables(result), ("Groups", "Ratios"), strict=False):
             say_table(frame, title)
     if excel is not None:

@@ -156,9 +156,9 @@ def _friction(level: Simulated) -> Effect:
     if level.adhesion is not None:
         return Effect("friction", note="how a tip that sticks and adheres behaves is not simulated")
     said = {"stuck": "the tip is declared to stick", "none": "declared none", "unknown": "unknown"}
-    stuck, slides = (replace(level, friction=friction) for friction in ("stuck", "none"))
+    sticking, sliding = (replace(level, friction=friction) for friction in ("stuck", "none"))
     note = f"a tip that sticks against one that slides; {said[level.friction]}"
-    return Effect("friction", stuck, slides, level.friction == "stuck", note)
+    return Effect("friction", sticking, sliding, level.friction == "stuck", note)
 
 
 def _finite_strain(level: Simulated) -> Effect:
