@@ -271,8 +271,7 @@ def accuracy(
     curve: options.CurveOption = None,
     output: options.OutputFolder = None,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds."),
+        bool, typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds.")
     ] = False,
 ) -> None:
     """Compare error and time of every contact model for a scene: of the force, the modulus and the posterior.

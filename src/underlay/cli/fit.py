@@ -160,12 +160,10 @@ def film(
     curve: options.CurveFile,
     scene: options.SceneOption = None,
     calibration: Annotated[
-        Path | None,
-        typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
+        Path | None, typer.Option(help="Test with the same tip on a sample of known modulus, for its area.")
     ] = None,
     known_modulus: Annotated[
-        str | None,
-        typer.Option(help='E / (1 - nu^2) of that sample, e.g. "165 GPa" of (001) silicon.'),
+        str | None, typer.Option(help='E / (1 - nu^2) of that sample, e.g. "165 GPa" of (001) silicon.')
     ] = None,
     depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
     depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
@@ -217,8 +215,7 @@ def sample(
         ),
     ] = None,
     model_error: Annotated[
-        bool,
-        typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
+        bool, typer.Option("--model-error", help="Sample the sizes of friction and finite strain too.")
     ] = False,
     details: options.Details = False,
 ) -> None:

@@ -42,8 +42,7 @@ def map_curves(
         str | None, typer.Option(help="Dask scheduler whose workers to use, e.g. tcp://10.0.0.1:8786.")
     ] = None,
     folders: Annotated[
-        str | None,
-        typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal."),
+        str | None, typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal.")
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Check the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
@@ -94,13 +93,7 @@ def map_curves(
     )
     try:
         table = ul.fit_many(
-            curves,
-            scene,
-            manifest=manifest,
-            workers=workers,
-            scheduler=scheduler,
-            output=path,
-            options=asked,
+            curves, scene, manifest=manifest, workers=workers, scheduler=scheduler, output=path, options=asked
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")

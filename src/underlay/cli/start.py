@@ -132,11 +132,7 @@ def _list_formats() -> None:
     from underlay.data.readers import all_formats
 
     rows = [
-        {
-            "format": entry.name,
-            "needs": f".[{entry.extra}]" if entry.extra else "",
-            "what": entry.description,
-        }
+        {"format": entry.name, "needs": f".[{entry.extra}]" if entry.extra else "", "what": entry.description}
         for entry in all_formats()
     ]
     say_table(pd.DataFrame(rows), "Formats")

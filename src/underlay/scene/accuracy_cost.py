@@ -50,11 +50,7 @@ class _Trial:
 
 
 def accuracy_cost(
-    scene: Scene,
-    depth: ArrayLike,
-    *,
-    solvers: Iterable[AnySolver] | None = None,
-    rounds: int = _ROUNDS,
+    scene: Scene, depth: ArrayLike, *, solvers: Iterable[AnySolver] | None = None, rounds: int = _ROUNDS
 ) -> pd.DataFrame:
     """Compute one curve by every solver, with the error and the time of each.
 

@@ -91,9 +91,5 @@ class Discrepancy(Part):
             return friction_in_large_strains(contact, stuck, slides, depth)
 
         return DiscrepantLaw.of(
-            free,
-            sticks,
-            (self.friction, self.finite_strain, self.friction_in_large_strains),
-            excess,
-            further,
+            free, sticks, (self.friction, self.finite_strain, self.friction_in_large_strains), excess, further
         )

@@ -398,9 +398,7 @@ def _all() -> Iterator[SceneKey]:
     free = "of a sample with free sides, about the tip; without it, it has none"
     yield keys_of(Layer)["half_width"].listed("layer", "half_width", free)
     yield keys_of(Layer)["shape"].listed(
-        "layer",
-        "shape",
-        "round or square; or ignored, and a fit warns where it matters",
+        "layer", "shape", "round or square; or ignored, and a fit warns where it matters"
     )
     yield from _of_layer("substrate.layers", "the same of this layer; further layers stand from the top down")
     stiff = "true for a base that does not deform, in place of its moduli"

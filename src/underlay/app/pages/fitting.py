@@ -13,16 +13,7 @@ from nicegui import events, ui
 
 from underlay.app.folder import is_kept
 from underlay.app.pages.outcome import Outcome
-from underlay.app.pages.step import (
-    Step,
-    Window,
-    Working,
-    button,
-    data_address,
-    helped,
-    message_list,
-    table,
-)
+from underlay.app.pages.step import Step, Window, Working, button, data_address, helped, message_list, table
 from underlay.app.shown import Film, Found, Law, Look
 from underlay.report.labels import labelled, start
 from underlay.report.plots.fit import Canvas
@@ -509,10 +500,7 @@ class FitStep(Step):
         draft, (begin, end_) = self.analysis.draft, self._known().extent
         draft.table("instrument")["contact_depth"] = f"{self._contact!r} m"
         margin = (end_ - begin) / _STEPS
-        for key, end, edge in (
-            ("min_depth", self._range[0], begin),
-            ("max_depth", self._range[1], end_),
-        ):
+        for key, end, edge in (("min_depth", self._range[0], begin), ("max_depth", self._range[1], end_)):
             draft.table("curve").pop(key, None)
             if math.isfinite(end) and abs(end - edge) > margin:
                 draft.table("curve")[key] = f"{end!r} m"

@@ -122,10 +122,7 @@ def _jumps(panel: Axes, law: ContactLaw, compliance: float, metre: float, newton
         away = off.depth - reach if spring == np.inf else off.depth + spring * off.force
         rest = off.force if spring == np.inf else 0.0
         arrow = {"arrowstyle": "->", "color": color, "lw": 1.1, "shrinkA": 0.0, "shrinkB": 0.0}
-        for begin, end in (
-            ((off.depth, off.force), (away, rest)),
-            ((0.0, 0.0), (first.depth, first.force)),
-        ):
+        for begin, end in (((off.depth, off.force), (away, rest)), ((0.0, 0.0), (first.depth, first.force))):
             panel.annotate(
                 "", (end[0] / metre, end[1] / newton), (begin[0] / metre, begin[1] / newton), arrowprops=arrow
             )
