@@ -17,10 +17,9 @@ import numpy as np
 
 from underlay._door import sha256_of
 from underlay._files import write_atomic
-from underlay.app import many, takeaway
+from underlay.app import many, results
 from underlay.app.folder import AnalysisFolder, kept
 from underlay.app.labels import BARE, read_labels, set_label, take_manifest, write_labels
-from underlay.app.results import film_of, sample_posterior, tell_found
 from underlay.app.shown import (
     Film,
     Found,
@@ -287,7 +286,7 @@ class Analyst:
             quality_doubts(problem)
             result = least_squares_fit(problem)
         self._fit = (tested.of, result)
-        return tell_found(self._folder, tested, result, tell)
+        return results.tell_found(self._folder, tested, result, tell)
 
     def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
         """Return the selected curve's stored result of this class, if any, and whether the scene is unchanged."""
@@ -297,12 +296,12 @@ class Analyst:
 
     def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
         """Fit the moduli of a film to the contact stiffness of the selected curve; see `film_of`."""
-        return film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
+        return results.film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the selected curve, with at most `most` steps."""
         tested = Snapshot.now(self._folder)
-        return sample_posterior(self._folder, tested, self._part(tested), most, tell)
+        return results.sample_posterior(self._folder, tested, self._part(tested), most, tell)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve of the analysis; see `run_map`."""
@@ -353,26 +352,26 @@ class Analyst:
         found = kept(self._folder, now.stem, Found)
         is_map_old = many.map_is_old(self._folder)
         if found is None:
-            return Taken(now.text, takeaway.script(now.curve_name, {}), is_map_old=is_map_old)
-        script = takeaway.script(now.curve_name, found.values)
+            return Taken(now.text, results.script(now.curve_name, {}), is_map_old=is_map_old)
+        script = results.script(now.curve_name, found.values)
         return Taken(found.scene, script, found.of != now.of, is_map_old)
 
     def archive(self, _tell: Tell) -> bytes:
         """Return the analysis as a ZIP archive of files that repeat it."""
-        return takeaway.analysis_archive(self._folder, *self._of_fit())
+        return results.analysis_archive(self._folder, *self._of_fit())
 
     def excel(self, _tell: Tell) -> bytes:
         """Return the Excel file of the fit."""
-        return takeaway.workbook_of(self._fitted(self._of_fit()[1]))
+        return results.workbook_of(self._fitted(self._of_fit()[1]))
 
     def excel_of_all(self, _tell: Tell) -> bytes:
         """Return the Excel file of the map."""
-        return takeaway.map_workbook(self._folder)
+        return results.map_workbook(self._folder)
 
     def report(self, _tell: Tell) -> bytes:
         """Return the report of the fit as HTML."""
         tested = self._of_fit()[1]
-        return takeaway.report_page(self._folder, self._fitted(tested), tested.stem)
+        return results.report_page(self._folder, self._fitted(tested), tested.stem)
 
     def _of_fit(self) -> tuple[Found, Snapshot]:
         """Return the stored fit of the selected curve, and the scene and curve that were fitted.
@@ -382,7 +381,7 @@ class Analyst:
         InputError
             If there is none, or the curve's file has changed since.
         """
-        return takeaway.fitted_test(self._folder, Snapshot.now(self._folder))
+        return results.fitted_test(self._folder, Snapshot.now(self._folder))
 
     def _fitted(self, tested: Snapshot) -> Fit:
         """Return the fit of a snapshot; it is fitted again unless it is the one in memory."""

@@ -465,7 +465,7 @@ def write_posterior(posterior: Posterior, folder: Path, stem: str) -> list[Path]
     """
     draws = folder / f"{stem}.posterior.npz"
     posterior.save(draws)
-    files = {
+    files: dict[str, pd.DataFrame | Callable[..., Axes]] = {
         "posterior.csv": posterior.summary().rename_axis("parameter"),
         "corner.png": partial(plots.corner, posterior),
         "predictive.png": partial(plots.predictive, posterior),

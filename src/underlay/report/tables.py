@@ -140,12 +140,15 @@ def fit_table(result: Fit) -> pd.DataFrame:
             {
                 "parameter": name,
                 "value": known.value / factor,
-                "low": known.low / factor,
-                "high": known.high / factor,
-                "stat low": known.statistical.low / factor,
-                "stat high": known.statistical.high / factor,
-                "syst low": known.systematic.low / factor,
-                "syst high": known.systematic.high / factor,
+                **{
+                    f"{part}{end}": getattr(interval, end) / factor
+                    for part, interval in (
+                        ("", known),
+                        ("stat ", known.statistical),
+                        ("syst ", known.systematic),
+                    )
+                    for end in ("low", "high")
+                },
                 "unit": unit,
                 "half width (%)": 100.0 * abs(half / known.value) if known.value else np.nan,
                 "at bound": result.bounds_hit.get(name, ""),

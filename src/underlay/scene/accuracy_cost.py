@@ -243,11 +243,6 @@ def _error(
 
 def _pareto(error: pd.Series[float], cost: pd.Series[float]) -> pd.Series[bool]:
     """Whether no other row has both a smaller error and a smaller cost."""
-    best = np.inf
-    front = pd.Series(data=False, index=error.index)
-    known = error.notna()
-    for index in cost[known].sort_values().index:
-        if error[index] < best:
-            best = error[index]
-            front[index] = True
-    return front
+    by_cost = error[cost[error.notna()].sort_values().index]
+    least_before = by_cost.cummin().shift(fill_value=np.inf)
+    return (by_cost < least_before).reindex(error.index, fill_value=False)

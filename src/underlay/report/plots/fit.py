@@ -164,14 +164,8 @@ def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, floa
     """
     bare, x, newton, offset = what
     (residual,), (measured,) = bare.residuals, bare.curves
-    upper.plot(
-        x,
-        (measured.force - residual - offset) / newton,
-        "--",
-        lw=1.2,
-        color=style.REFERENCE,
-        label="half-space, best fit",
-    )
+    how: Any = {"lw": 1.2, "color": style.REFERENCE, "label": "half-space, best fit"}
+    upper.plot(x, (measured.force - residual - offset) / newton, "--", **how)
     width = max(1, round(_SMOOTHED * len(residual)))
     smooth = np.convolve(residual, np.full(width, 1.0 / width), "valid")
     first = (len(residual) - len(smooth)) // 2
@@ -183,16 +177,9 @@ def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
     """Write labels in the colours of their marks, from the top left down, where a rising curve leaves room."""
     left = panel.transAxes.inverted().transform(panel.transData.transform((0.0, 0.0)))[0]
     place = max(float(left), 0.0) + 0.02 if left < 0.45 else 0.02
+    where: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
     for row, (text, colour) in enumerate(words):
-        panel.annotate(
-            text,
-            (place, 0.985),
-            xycoords="axes fraction",
-            xytext=(0.0, -11.0 * row),
-            textcoords="offset points",
-            color=colour,
-            va="top",
-        )
+        panel.annotate(text, (place, 0.985), xytext=(0.0, -11.0 * row), color=colour, **where)
 
 
 def _zoom(panel: Axes, x: FloatArray) -> None:

@@ -149,15 +149,9 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
     inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
     places = style.apart(np.array(middles), lines * _LINE * inch, bottom)
     along = ax.get_yaxis_transform()
+    line: Any = {"transform": along, "color": style.INK, "lw": 0.6, "clip_on": False}
     for name, middle, place in zip(names, middles, places.tolist(), strict=True):
-        ax.plot(
-            [1.0, 1.04],
-            [middle / factor, place / factor],
-            transform=along,
-            color=style.INK,
-            lw=0.6,
-            clip_on=False,
-        )
+        ax.plot([1.0, 1.04], [middle / factor, place / factor], **line)
         ax.text(1.05, place / factor, name, transform=along, va="center", ha="left")
 
 
@@ -268,13 +262,8 @@ def effects(
             drawn.text(0.99, 100.0 * wanted.tolerance, f"rtol = {wanted.tolerance:g}", **how, fontsize=7.0)
         drawn.set(xlabel=f"depth since contact ({length})", ylabel="change of the force (%)")
         if len(sizes.columns):
-            drawn.legend(
-                loc="lower left",
-                bbox_to_anchor=(0.0, 1.0),
-                borderaxespad=0.2,
-                title=title or None,
-                alignment="left",
-            )
+            above: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+            drawn.legend(**above, title=title or None, alignment="left")
     return drawn
 
 
