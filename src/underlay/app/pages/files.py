@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 from nicegui import events, ui
 
 from underlay.app.labels import comma_problem, pairs_of
-from underlay.app.pages.step import (
-    Step,
-    add_files,
-    button,
-    data_address,
-    folded,
-    helped,
-    message_list,
-    table,
-    upload,
-)
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step
 from underlay.app.shown import Reading
 from underlay.data.readers import all_formats
 from underlay.errors import InputError
@@ -43,9 +36,9 @@ class FilesStep(Step):
         """Build the upload area, the list of uploaded files, and an empty column for the selected one."""
         with ui.row().classes("columns"):
             with ui.column().classes("side"):
-                self._upload = upload(self._bring)
-                self._find = helped(ui.input("Find"), "find").props("dense outlined clearable")
-                self._find.classes("wide").on_value_change(self._show_list)
+                self._upload = parts.upload(self._bring)
+                self._find = parts.outlined(ui.input("Find"), "find", "wide", "clearable")
+                self._find.on_value_change(self._show_list)
                 self._list = ui.column().classes("wide")
             self._reading = ui.column().classes("main")
 
@@ -58,7 +51,7 @@ class FilesStep(Step):
         self._upload.reset()
         if not self.window.holds:
             return
-        brought = await add_files(self.analysis.folder, event)
+        brought = await parts.add_files(self.analysis.folder, event)
         if brought and not self.analysis.curve_name:
             self.analysis.pick(brought[0])
         self.window.kept()
@@ -72,7 +65,7 @@ class FilesStep(Step):
         self._list.clear()
         with self._list:
             if not names:
-                with folded("Files that can be read"):
+                with parts.folded("Files that can be read"):
                     for entry in all_formats():
                         ui.label(entry.description).classes("quiet")
             else:
@@ -123,7 +116,7 @@ class FilesStep(Step):
                 self._told(told)
             self._how(told)
             if not told.refused:
-                button("Next: the test", lambda: self.window.go("Test"), "unelevated")
+                parts.button("Next: the test", lambda: self.window.go("Test"), "unelevated")
         if not told.refused:
             pictures = await self.window.ask(self.analysis.quick, "curve", name, self._test)
             if pictures is not None and name == self.analysis.curve_name:
@@ -132,9 +125,11 @@ class FilesStep(Step):
     def _drawn(self, force: bytes, time: bytes) -> None:
         """Show two pictures (PNG): force against indentation and, folded below, both against time by segment."""
         with self._picture:
-            ui.image(data_address(force)).classes("picture").props('alt="force against indentation"')
-            with folded("Against time, with its segments"):
-                ui.image(data_address(time)).classes("picture").props('alt="depth and force against time"')
+            ui.image(parts.data_address(force)).classes("picture").props('alt="force against indentation"')
+            with parts.folded("Against time, with its segments"):
+                ui.image(parts.data_address(time)).classes("picture").props(
+                    'alt="depth and force against time"'
+                )
 
     @property
     def _test(self) -> int:
@@ -146,12 +141,12 @@ class FilesStep(Step):
                 with ui.row().classes("fact"):
                     ui.label(words).classes("quiet")
                     ui.label(value)
-        tests = table(told.tests, most=_FEW).mark("tests")
+        tests = parts.table(told.tests, most=_FEW).mark("tests")
         if len(told.tests) > 1:
             tests.set_selection("single")
             tests.selected = [dict(row) for row in told.tests if row["test"] == str(self._test)]
             tests.on_select(self._pick_test)
-        message_list(told.notes)
+        parts.message_list(told.notes)
 
     async def _pick_test(self, event: Any) -> None:
         if event.selection:
@@ -164,27 +159,17 @@ class FilesStep(Step):
         """
         draft = self.analysis.draft
         known = draft.peek("curve")
-        with folded("Read it differently", is_open=bool(told.refused)):
+        with parts.folded("Read it differently", is_open=bool(told.refused)):
             with ui.row().classes("fields"):
-                named = ui.select(
-                    [_AUTO, *(entry.name for entry in all_formats())],
-                    label="Format",
-                    value=draft.get("curve", "format") or _AUTO,
-                    on_change=lambda event: self._read_as(
-                        "format", None if event.value == _AUTO else event.value
-                    ),
+                names = [_AUTO, *(entry.name for entry in all_formats())]
+                named = ui.select(names, label="Format", value=draft.get("curve", "format") or _AUTO)
+                parts.outlined(named, "format").on_value_change(
+                    lambda event: self._read_as("format", None if event.value == _AUTO else event.value)
                 )
-                helped(named.props("outlined dense").classes("field"), "format")
                 for key, words in _CALIBRATION.items():
-                    entry = ui.input(
-                        words,
-                        value=str((known.get("calibration") or {}).get(key, "")),
-                        placeholder=told.facts.get(words, "as in the file"),
-                    )
-                    helped(entry.props("outlined dense").classes("field"), f"read-{key}").on(
-                        "change",
-                        lambda event, key=key: self._calibrate(key, str(event.sender.value or "").strip()),
-                    )
+                    value = str((known.get("calibration") or {}).get(key, ""))
+                    entry = ui.input(words, value=value, placeholder=told.facts.get(words, "as in the file"))
+                    self._on_change(parts.outlined(entry, f"read-{key}"), partial(self._calibrate, key))
                 turned = known.get("flip") or []
                 for column in ("depth", "force"):
                     turn = ui.checkbox(
@@ -192,16 +177,15 @@ class FilesStep(Step):
                         value=column in turned,
                         on_change=lambda event, column=column: self._turn(column, turned=bool(event.value)),
                     )
-                    helped(turn, f"turn-{column}")
+                    parts.helped(turn, f"turn-{column}")
             there = known.get("columns") or {}
-            columns = ui.input(
-                "Columns",
-                value=", ".join(f"{name} = {value}" for name, value in there.items()),
-                placeholder="depth = h (nm), force = -Fz (mN)",
-            )
-            helped(columns.props("outlined dense").classes("wide"), "read-columns").on(
-                "change", lambda event: self._pair("columns", str(event.sender.value or ""))
-            )
+            stated = ", ".join(f"{name} = {value}" for name, value in there.items())
+            columns = ui.input("Columns", value=stated, placeholder="depth = h (nm), force = -Fz (mN)")
+            self._on_change(parts.outlined(columns, "read-columns", "wide"), partial(self._pair, "columns"))
+
+    def _on_change(self, entry: ui.input, act: Callable[[str], Awaitable[None]]) -> None:
+        """Call `act` with the text of a field once it has been entered."""
+        entry.on("change", lambda: act(str(entry.value or "").strip()))
 
     async def _calibrate(self, key: str, text: str) -> None:
         known = dict(self.analysis.draft.peek("curve").get("calibration") or {})

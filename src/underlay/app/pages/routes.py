@@ -9,11 +9,12 @@ from nicegui import events, ui
 
 from underlay._door import FileKind, read_text
 from underlay.app.folder import AnalysisFolder, analyses, described, new_analysis
+from underlay.app.pages import parts
 from underlay.app.pages.files import FilesStep
 from underlay.app.pages.fitting import FitStep
 from underlay.app.pages.many import ManyStep
 from underlay.app.pages.scene import SceneStep
-from underlay.app.pages.step import Step, Window, add_files, button, helped, upload
+from underlay.app.pages.step import Step, Window
 from underlay.app.pages.takeaway import TakeAwayStep
 from underlay.app.state import SAMPLES, Home, OpenAnalysis, with_sample
 from underlay.report.page import style_of
@@ -82,12 +83,12 @@ class AnalysisPage:
             ui.link("underlay", "/").classes("name").tooltip("All analyses")
             ui.label(self.window.analysis.folder.name).classes("quiet")
             self._back = [
-                button("", partial(self._step, back=back), f"flat dense icon={icon}", mark=icon)
+                parts.button("", partial(self._step, back=back), f"flat dense icon={icon}", mark=icon)
                 for back, icon in ((True, "undo"), (False, "redo"))
             ]
             ui.space()
             tip = "Gives an address that opens this page in another browser of this machine"
-            button("Another browser", self._another, "flat dense", mark="another", tip=tip)
+            parts.button("Another browser", self._another, "flat dense", mark="another", tip=tip)
 
     def _kept(self) -> None:
         """Update the state of each step in its title, and on the buttons what undo and redo would change."""
@@ -107,9 +108,8 @@ class AnalysisPage:
     async def _another(self) -> None:
         with ui.dialog() as dialog, ui.card():
             ui.label("This address opens the page once, in another browser on this machine:")
-            address = ui.input(value=self._home.new_address()).props("readonly outlined dense")
-            helped(address.classes("wide"), "address")
-            button("Close", dialog.close, "flat")
+            parts.outlined(ui.input(value=self._home.new_address()), "address", "wide", "readonly")
+            parts.button("Close", dialog.close, "flat")
         await dialog
         dialog.delete()
 
@@ -152,14 +152,16 @@ class StartPage:
             with ui.column().classes("main"):
                 ui.label("underlay").classes("name")
                 ui.label("Young's modulus of a thin layer on a substrate, from indentation curves.")
-                upload(self._bring).mark("drop-new")
+                parts.upload(self._bring).mark("drop-new")
                 ui.label("They are copied; your files are not changed.").classes("quiet")
-                button("New analysis", lambda: self._go(self._new()), mark="new")
+                parts.button("New analysis", lambda: self._go(self._new()), mark="new")
                 ui.label("Or try it with sample data").classes("heading")
                 with ui.row().classes("actions"):
                     for scene, (words, about, _) in SAMPLES.items():
                         show, mark = partial(self._show_sample, scene), f"sample-{scene}"
-                        button(f"{words}\n{about}", show, "outline align=left", kind="sample", mark=mark)
+                        parts.button(
+                            f"{words}\n{about}", show, "outline align=left", kind="sample", mark=mark
+                        )
                 ui.label("They come with their test filled in; all but the cell are simulated.").classes(
                     "quiet"
                 )
@@ -190,6 +192,6 @@ class StartPage:
 
     async def _bring(self, event: events.MultiUploadEventArguments) -> None:
         folder = self._new()
-        if names := await add_files(folder, event):
+        if names := await parts.add_files(folder, event):
             self._home.analysis(folder.name).pick(names[0])
             self._go(folder)

@@ -25,7 +25,8 @@ from underlay.app.form import (
     problem_with,
 )
 from underlay.app.labels import comma_problem
-from underlay.app.pages.step import Step, Window, button, data_address, folded, helped
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step, Window
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts
@@ -140,7 +141,7 @@ class FreeTable:
                 self._line(path, known[path])
             others = [path for path in known if path not in usual and path not in free]
             if others:
-                with folded("More numbers"):
+                with parts.folded("More numbers"):
                     for path in others:
                         self._line(path, known[path])
 
@@ -175,8 +176,7 @@ class FreeTable:
                 value=entry.get("prior", ""),
                 on_change=lambda event: self._put(path, "prior", str(event.value)),
             )
-            known.props('outlined dense options-dense aria-label="what is known before"').classes("prior")
-            helped(known, "prior")
+            parts.outlined(known, "prior", "prior", 'options-dense aria-label="what is known before"')
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
@@ -245,11 +245,13 @@ class SceneText:
 
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
         self._window, self._changed = window, changed
-        with folded("More: the test as text"):
+        with parts.folded("More: the test as text"):
             ui.label(_WORDS).classes("quiet")
-            self._text = helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes("wide")
+            self._text = parts.helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes(
+                "wide"
+            )
             self._text.props('outlined autogrow input-class=code-entry aria-label="the test as text"')
-            button("Use this text", self._use, mark="use-text")
+            parts.button("Use this text", self._use, mark="use-text")
 
     async def _use(self) -> None:
         """Use the edited text as the scene, or report what is wrong and leave the scene unchanged."""
@@ -291,12 +293,12 @@ class SceneStep(Step):
                             partial(self._begin, name),
                             "Fills in usual numbers, which count as assumed",
                         )
-                        button(words, begin, "outline dense", mark=f"preset-{name}", tip=tip)
+                        parts.button(words, begin, "outline dense", mark=f"preset-{name}", tip=tip)
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
                 # Not made again with every drawing: who stands on it with the keyboard stays there.
-                self._next = button(
+                self._next = parts.button(
                     "Next: the fit", lambda: self.window.go("Fit"), "unelevated", mark="to-fit"
                 )
                 self._next.set_visibility(False)
@@ -315,15 +317,14 @@ class SceneStep(Step):
                 base = ui.select(
                     dict(BASES), value=draft.base, on_change=lambda event: self._rebase(event.value)
                 )
-                base.props("outlined dense aria-label='what lies under the layer'").classes("field")
-                helped(base, "base")
+                parts.outlined(base, "base", look="aria-label='what lies under the layer'")
             if draft.base == "elastic":
                 self._fields("substrate")
                 self._axial("substrate")
             for section, words in ADVANCED.items():
                 # Open where something stands in it that not every sample says.
                 is_open = any(field.text for field in draft.fields(section) if field.key.name not in _SAID)
-                with folded(words, is_open=is_open):
+                with parts.folded(words, is_open=is_open):
                     self._fields(section)
             SceneText(self.window, self.show)
         await self._draw()
@@ -339,11 +340,11 @@ class SceneStep(Step):
         for number, section in enumerate(draft.between, start=2):
             with ui.row().classes("section-head"):
                 ui.label(f"Layer {number}").classes("heading")
-                button("Remove", partial(self._relayer, section), "flat dense")
+                parts.button("Remove", partial(self._relayer, section), "flat dense")
             self._fields(section)
             self._axial(section)
         if draft.base != "none":
-            button("Add a layer under it", lambda: self._relayer(None), "flat dense", mark="add-layer")
+            parts.button("Add a layer under it", lambda: self._relayer(None), "flat dense", mark="add-layer")
 
     def _axial(self, section: str) -> None:
         axial = ui.checkbox(
@@ -351,7 +352,7 @@ class SceneStep(Step):
             value="E_axial" in self.analysis.draft.peek(section),
             on_change=lambda event: self._make_axial(section, axial=bool(event.value)),
         )
-        helped(axial.props("dense"), "axial")
+        parts.helped(axial.props("dense"), "axial")
 
     def _fields(self, section: str) -> None:
         """Build the fields of a section; for a layer the less common ones are folded."""
@@ -361,7 +362,7 @@ class SceneStep(Step):
         self._row(usual)
         if more:
             is_open = any(field.text for field in more)
-            with folded("Lower face, edges, drainage", is_open=is_open):
+            with parts.folded("Lower face, edges, drainage", is_open=is_open):
                 self._row(more)
 
     def _is_layer(self, section: str) -> bool:
@@ -454,7 +455,7 @@ class SceneStep(Step):
         self._next.set_visibility(isinstance(drawn, bytes))
         with self._drawing:
             if isinstance(drawn, bytes):
-                ui.image(data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
+                ui.image(parts.data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
             else:
                 ui.label(str(drawn)).classes("bad").mark("scene-problem")
 

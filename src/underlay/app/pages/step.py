@@ -1,31 +1,20 @@
-"""What the steps of the page share: the browser window, and a long task with its buttons and progress."""
+"""What the steps of the page are made of: the browser window, and a long task with its buttons and progress."""
 
 from __future__ import annotations
 
-import base64
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
-from nicegui import events, ui
+from nicegui import ui
 
-from underlay.app.folder import LARGEST_FILE, AnalysisFolder
-from underlay.app.form import help_of
-from underlay.app.shown import Progress, Row
+from underlay.app.pages import parts
+from underlay.app.shown import Progress
 from underlay.app.state import OpenAnalysis
 from underlay.app.work import Tell, Worker, WorkError
 from underlay.errors import UnderlayError
 
-#: What is said where a browser could not send what was dropped.
-FOLDER_DROPPED = (
-    "The upload failed: a folder cannot be dropped. Drop the files in it, or a ZIP archive of them."
-)
-_Element = TypeVar("_Element", bound=ui.element)
-
-
-def complain(message: str) -> None:
-    """Show an error message until it is closed."""
-    ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
+_Kept = TypeVar("_Kept")
 
 
 class Window:
@@ -44,7 +33,7 @@ class Window:
         Called after the scene was written.
     """
 
-    complain = staticmethod(complain)
+    complain = staticmethod(parts.complain)
 
     def __init__(self, analysis: OpenAnalysis) -> None:
         self.analysis = analysis
@@ -74,6 +63,14 @@ class Window:
             return await worker.call(task, *arguments)
         except WorkError as error:
             return str(error)
+
+    async def before(self, kind: type[_Kept]) -> tuple[_Kept, bool] | None:
+        """Return the selected curve's stored result of a class, and whether the scene has changed since.
+
+        None where there is none.
+        """
+        told = await self.try_to(self.analysis.quick, "before", kind)
+        return (told[0], not told[1]) if isinstance(told, tuple) and told[0] is not None else None
 
     def keep(self, *, by_hand: bool = True) -> bool:
         """Write the scene file if this window may change the analysis, and return whether it was written.
@@ -124,90 +121,6 @@ class Step(ABC):
         """Update the contents of the step."""
 
 
-def helped(element: _Element, mark: str) -> _Element:
-    """Give an element its mark, by which tests find it, and the help text of that name as a tooltip; return it."""
-    element.mark(mark).props["title"] = help_of(mark)
-    return element
-
-
-def button(
-    words: str,
-    act: Callable[[], Any],
-    look: str = "outline",
-    *,
-    kind: str = "",
-    mark: str = "",
-    tip: str = "",
-) -> ui.button:
-    """Return a button; `look` are properties of its element, `kind` its CSS classes, `tip` its tooltip."""
-    made = ui.button(words, on_click=act).props(f"no-caps {look}").classes(kind)
-    if mark:
-        made.mark(mark)
-    return made.tooltip(tip) if tip else made
-
-
-def folded(words: str, *, is_open: bool = False) -> ui.expansion:
-    """Return a part of the page that is folded under its words."""
-    return ui.expansion(words, value=is_open).props("dense").classes("wide")
-
-
-def upload(bring: Callable[[events.MultiUploadEventArguments], Awaitable[None]]) -> ui.upload:
-    """Return the area that curves are dropped on; `bring` is called with the files."""
-
-    def failed() -> None:
-        # It would otherwise take no further file.
-        made.reset()
-        complain(FOLDER_DROPPED)
-
-    made = ui.upload(
-        multiple=True,
-        auto_upload=True,
-        max_file_size=LARGEST_FILE,
-        label="Drop curves here, or press +",
-        on_multi_upload=bring,
-        on_rejected=lambda: complain(f"A file of more than {LARGEST_FILE // 10**6} MB is not taken."),
-    )
-    made.props("flat bordered hide-upload-btn").classes("drop")
-    return helped(made, "drop").on("failed", failed)
-
-
-async def add_files(folder: AnalysisFolder, event: events.MultiUploadEventArguments) -> list[str]:
-    """Store uploaded files in an analysis; return the names of those taken, and show why others were not."""
-    taken = []
-    for file in event.files:
-        try:
-            taken.append(folder.add_curve(file.name, await file.read()).name)
-        except UnderlayError as error:
-            complain(str(error))
-    return taken
-
-
-def data_address(picture: bytes) -> str:
-    """Return a PNG picture as a ``data:`` URL."""
-    return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
-
-
-def message_list(texts: Iterable[str], kind: str = "note") -> None:
-    """Show sentences one below the other, as text that is never read as markup; `kind` is their CSS class."""
-    for text in texts:
-        ui.label(text).classes(kind)
-
-
-def table(rows: Sequence[Row], most: int | None = None) -> ui.table:
-    """Return rows of text as a table, which their first column names; of more than `most` with pages."""
-    columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in rows[0]]
-    made = ui.table(
-        columns=columns, rows=[dict(row) for row in rows], row_key=next(iter(rows[0])), pagination=most
-    )
-    made.props("flat dense wrap-cells").classes("wide")
-    return made.props("hide-pagination") if most is None or len(rows) <= most else made
-
-
-def sheet(page: str) -> None:
-    """Show a report's HTML, which was made by this package with all text escaped."""
-    ui.html(page, sanitize=False).classes("sheet wide").mark("sheet")
-
-
 class Working:
     """The start and stop buttons and the progress bar of a long task.
 
@@ -236,9 +149,9 @@ class Working:
     ) -> None:
         self._window, self._heard = window, heard
         self._asked, self._allowed = False, True
-        self._go = button(words, begin, "unelevated size=lg", mark=mark)
+        self._go = parts.button(words, begin, "unelevated size=lg", mark=mark)
         tip = "Ends it with what is there by then; pressed again, at once"
-        self._stop = button("Stop", self._halt, mark=f"stop-{mark}", tip=tip)
+        self._stop = parts.button("Stop", self._halt, mark=f"stop-{mark}", tip=tip)
         self._bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("bar")
         self._words = ui.label().classes("quiet").mark(f"progress-{mark}")
         self._working(on=False)

@@ -7,7 +7,8 @@ from functools import partial
 from nicegui import ui
 
 from underlay.app.folder import is_kept
-from underlay.app.pages.step import Step, Working, button, folded, helped, message_list, sheet
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step, Working
 from underlay.app.shown import Found, Sampled, Taken
 
 # What can be taken: words, task, ending of the file's name.
@@ -58,12 +59,12 @@ class TakeAwayStep(Step):
                     value=20_000,
                     label="How long",
                 )
-                helped(self._most, "most").props("outlined dense").classes("wide")
+                parts.outlined(self._most, "most", "wide")
                 self._working = Working(self.window, "Sample", self._sample, mark="sample")
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
                 self._old = ui.label(_OLD_FIT).classes("note").mark("old-fit")
-                with folded("For programmers: the test as a file, and Python that fits it"):
+                with parts.folded("For programmers: the test as a file, and Python that fits it"):
                     self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
                     self._script = ui.code("", language="python").classes("wide code").mark("script")
 
@@ -89,10 +90,10 @@ class TakeAwayStep(Step):
         with self._pictures:
             for path in folder.result_files(stem, (".png",)):
                 words = f"Picture: {path.name.removeprefix(f'{stem}.')}"
-                button(words, partial(self._give, path.name), "flat dense align=left")
+                parts.button(words, partial(self._give, path.name), "flat dense align=left")
 
     def _offer(self, words: str, task: str, ending: str) -> ui.button:
-        offer = button(words, lambda: self._take(offer, task, ending), "outline align=left")
+        offer = parts.button(words, lambda: self._take(offer, task, ending), "outline align=left")
         return offer
 
     async def _take(self, offer: ui.button, task: str, ending: str) -> None:
@@ -116,14 +117,14 @@ class TakeAwayStep(Step):
 
     async def _show_posterior(self) -> None:
         """Show the stored posterior of the selected curve."""
-        before = await self.window.try_to(self.analysis.quick, "before", Sampled)
+        before = await self.window.before(Sampled)
         self._posterior.clear()
-        if not isinstance(before, tuple) or before[0] is None:
+        if before is None:
             return
-        told: Sampled = before[0]
+        told, is_old = before
         with self._posterior:
             ui.label("Posterior").classes("heading")
-            if not before[1]:
+            if is_old:
                 ui.label(_OLD).classes("note").mark("old-posterior")
-            sheet(told.sheet)
-            message_list(told.notes)
+            parts.sheet(told.sheet)
+            parts.message_list(told.notes)
