@@ -217,12 +217,10 @@ max_depth = "1 um"
 """
 
 
-def test_the_command_writes_table_and_pictures(run, tmp_path):
+def test_the_command_writes_table_and_pictures(done, tmp_path):
     scene = tmp_path / "gel.toml"
     scene.write_text(SCENE_FILE)
     out = tmp_path / "out"
-    code, told, err = run("accuracy", scene, "--quick", "--output", out)
-    assert code == 0, err
-    assert "garcia2018" in told
+    assert "garcia2018" in done("accuracy", scene, "--quick", "--output", out)
     assert (out / "gel.accuracy.csv").read_text().startswith("method,form,order,rtol,nodes,error")
     assert (out / "gel.accuracy.png").read_bytes().startswith(b"\x89PNG")

@@ -137,9 +137,7 @@ def test_bibtex_is_bibtex():
         assert "author = {" in body
 
 
-def test_the_command_prints_and_writes(run, tmp_path):
+def test_the_command_prints_and_writes(done, tmp_path):
     path = fitted(tmp_path, noise=ul.Noise())
-    code, out, _ = run("cite", path, "--output", tmp_path)
-    assert code == 0
-    assert "doi:10.1038/s41592-019-0686-2" in out
+    assert "doi:10.1038/s41592-019-0686-2" in done("cite", path, "--output", tmp_path)
     assert (tmp_path / "a.bib").read_text(encoding="utf-8").startswith("@software{underlay")

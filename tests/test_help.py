@@ -54,7 +54,7 @@ def test_every_command_has_an_example(name):
 
 
 @pytest.mark.parametrize("example", list(examples()))
-def test_example_works_as_written(run, example, folder, monkeypatch):
+def test_example_works_as_written(done, example, folder, monkeypatch):
     monkeypatch.chdir(folder)
     if example.split()[1] == "app":
         # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
@@ -63,8 +63,7 @@ def test_example_works_as_written(run, example, folder, monkeypatch):
         # Cells of the same notebooks are run by tests/test_cli_report.py.
         monkeypatch.setattr(notebook, "execute", lambda made, _: made)
     timed_once(monkeypatch)
-    code, _, err = run(*shlex.split(example)[1:])
-    assert code == 0, err
+    done(*shlex.split(example)[1:])
     for output in re.findall(r"--(?:output|notebook) (\S+)", example):
         assert (folder / output).exists(), output
 

@@ -124,7 +124,7 @@ layer.E = { min = "1 kPa", max = "1 GPa" }
 """
 
 
-def test_a_file_of_a_package_is_read_and_fitted_by_its_names(run, tmp_path):
+def test_a_file_of_a_package_is_read_and_fitted_by_its_names(done, tmp_path):
     depth = np.linspace(0.0, 1e-5, 60)
     force = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(2e6, 0.5))).force(depth)
     force = force + 1e-6 * np.random.default_rng(1).standard_normal(60)
@@ -132,8 +132,7 @@ def test_a_file_of_a_package_is_read_and_fitted_by_its_names(run, tmp_path):
     (tmp_path / "test.mine").write_text(f"my device\n{rows}\n", encoding="utf-8")
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
     words = ("--scene", tmp_path / "scene.toml", "--output", tmp_path / "out", "--details")
-    code, out, err = run("fit", tmp_path / "test.mine", *words)
-    assert code == 0, err
+    out = done("fit", tmp_path / "test.mine", *words)
     assert "TwiceHertz" in out or "half-space" in out
     assert ul.read(tmp_path / "test.mine").metadata["format"] == "my_device"
     fit = ul.fit(ul.load_problem(tmp_path / "test.mine", tmp_path / "scene.toml"))
@@ -141,9 +140,8 @@ def test_a_file_of_a_package_is_read_and_fitted_by_its_names(run, tmp_path):
     assert fit.values["layer.E"] == pytest.approx(1e6, rel=1e-3)
 
 
-def test_what_packages_add_is_listed(run):
-    code, out, _ = run("formats")
-    assert code == 0
+def test_what_packages_add_is_listed(done):
+    out = done("formats")
     for name in ("rounded", "twice_hertz", "my_device", "helpful 1.2"):
         assert name in out
     assert any("rounded_tip" in key.takes for key in scene_keys())
@@ -157,9 +155,8 @@ def test_a_plugged_solver_is_kept_in_files_by_its_name():
         solver_named("twice_hertz", speed=3.0)
 
 
-def test_the_faults_of_a_package_are_its_own(run):
-    code, out, _ = run("formats")
-    assert code == 0
+def test_the_faults_of_a_package_are_its_own(done):
+    out = done("formats")
     said = " ".join(out.split())
     for fault in (
         "another indenter is called 'sphere'",

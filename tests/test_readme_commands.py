@@ -73,12 +73,11 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("words", list(commands()))
-def test_readme_command_works_as_printed(run, words, folder, monkeypatch):
+def test_readme_command_works_as_printed(done, words, folder, monkeypatch):
     if any(word.startswith(EXCEPTED) for word in words):
         pytest.skip("needs other machines, a browser, the user's shell or the reader's words")
     timed_once(monkeypatch)
-    code, _, err = run(*words[1:])
-    assert code == 0, err
+    done(*words[1:])
     for flag in ("--output", "--new-scene", "--new-notebook"):
         if flag in words:
             assert (folder / words[words.index(flag) + 1]).exists()
@@ -126,72 +125,58 @@ def printed(name):
     return re.search(rf"<!-- printed: {name} -->\n```text\n(.*?)```", README, re.DOTALL)[1]
 
 
-def test_the_readme_shows_what_its_command_prints(run, tmp_path, monkeypatch):
+def test_the_readme_shows_what_its_command_prints(done, tmp_path, monkeypatch):
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     line = next(line for line in fresh_lines() if line.startswith("underlay fit data_samples/gel_on_glass"))
-    code, out, err = run(*shlex.split(line)[1:])
-    assert code == 0, err
+    out = done(*shlex.split(line)[1:])
     assert out.strip("\n") == printed("gel_on_glass").strip("\n")
     assert len(out.strip("\n").splitlines()) <= 12
 
 
-def test_the_shares_that_hertz_is_off_by_are_those_that_are_printed(run, tmp_path, monkeypatch):
+def test_the_shares_that_hertz_is_off_by_are_those_that_are_printed(done, tmp_path, monkeypatch):
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     said = re.search(r"the gel on glass below by (\d+) %, the cartilage on bone by (\d+) %", README)
     for name, share in zip(("gel_on_glass", "cartilage_on_bone"), said.groups(), strict=True):
         scene = f"data_samples/{name}.toml"
-        code, out, err = run("fit", f"data_samples/{name}.csv", "--scene", scene)
-        assert code == 0, err
-        assert f"(+{share} %)" in out
+        assert f"(+{share} %)" in done("fit", f"data_samples/{name}.csv", "--scene", scene)
 
 
 @pytest.mark.parametrize(
     "sample", ["cartilage_on_bone", "chiaro_cell", "gel_on_glass", "soft_film_on_softer_base"]
 )
-def test_commands_answer_for_every_sample_scene(run, sample, tmp_path):
+def test_commands_answer_for_every_sample_scene(done, sample, tmp_path):
     scene = tmp_path / "scene.toml"
     shutil.copy(SAMPLES / f"{sample}.toml", scene)
-    code, out, err = run("effects", scene)
-    assert code == 0, err
-    assert "by default" in out
-    code, out, err = run("plan", scene, "--radii", "5 um:50 um:2", "--depths", "1 um:2 um:2")
-    assert code == 0, err
-    assert "1% of the force" in out
-    code, out, err = run("identify", scene)
-    assert code == 0, err
+    assert "by default" in done("effects", scene)
+    assert "1% of the force" in done("plan", scene, "--radii", "5 um:50 um:2", "--depths", "1 um:2 um:2")
+    done("identify", scene)
 
 
-def test_depth_and_noise_come_from_the_curve_that_the_scene_names(run, tmp_path):
+def test_depth_and_noise_come_from_the_curve_that_the_scene_names(done, tmp_path):
     scene = tmp_path / "scene.toml"
     text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
     scene.write_text(text + '\n[curve]\nfile = "curve.csv"\n', encoding="utf-8")
     shutil.copy(SAMPLES / "cartilage_on_bone.csv", tmp_path / "curve.csv")
     grid = ["--radii", "0.5 mm:2 mm:2", "--depths", "0.1 mm:0.2 mm:2"]
-    code, named, err = run("effects", scene)
-    assert code == 0, err
+    named = done("effects", scene)
     # Readings go to 0.3 mm and contact was at 14 um.
     assert "at 0.28" in named
     assert "by default" not in named
     shutil.copy(SAMPLES / "cartilage_on_bone.toml", scene)
-    code, given, err = run("effects", scene, "--curve", tmp_path / "curve.csv")
-    assert code == 0, err
+    given = done("effects", scene, "--curve", tmp_path / "curve.csv")
     sizes = [
         line.split()[2] for line in (named, given) for line in line.splitlines() if "finite thickness" in line
     ]
     assert sizes[0] == sizes[1]
-    code, out, err = run("plan", scene, "--curve", tmp_path / "curve.csv", *grid)
-    assert code == 0, err
+    out = done("plan", scene, "--curve", tmp_path / "curve.csv", *grid)
     # The sample was made with 0.6 mN of white noise.
     assert 0.5 < float(re.search(r"noise ([\d.]+) mN, as the curve scatters", out).group(1)) < 0.7
 
 
-def test_a_named_curve_that_is_not_there_is_said(run, tmp_path):
+def test_a_named_curve_that_is_not_there_is_said(refused, tmp_path):
     scene = tmp_path / "scene.toml"
     text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
     scene.write_text(text + '\n[curve]\nfile = "gone.csv"\n', encoding="utf-8")
-    code, _, err = run("effects", scene)
-    assert code == 2
-    assert "gone.csv" in err
-    assert err.count("\n") == 1
+    assert "gone.csv" in refused("effects", scene)
