@@ -32,7 +32,7 @@ from underlay.mechanics.solvers import Auto, as_solver
 from underlay.report.labels import label, start
 from underlay.report.maps import errors_in_words, sample_parameters
 from underlay.report.page import document, tag, words
-from underlay.report.plots.style import unit_of
+from underlay.report.plots.style import BEFORE, unit_of
 from underlay.report.screen import interval_text
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -43,8 +43,6 @@ from underlay.units import format_quantity
 _WIDTH, _CURVE, _GAP, _STRIP = 250, 120, 30, 34
 _LEFT, _TOP, _BOTTOM = 8, 14, 16
 _MOST_POINTS = 160
-# Share of the contact that is drawn of the flat part before it.
-_BEFORE = 0.35
 # A picture of 120 pixels needs no finer law.
 _RTOL = 1e-3
 # Pieces of a curve over which residuals are averaged, so that noise is small beside misfit.
@@ -80,7 +78,7 @@ def small_picture(curve: Small, alt: str) -> str:
     shown = np.isfinite(curve.depth) & np.isfinite(curve.force)
     deepest = float(curve.depth[shown].max(initial=0.0))
     if math.isfinite(curve.contact):
-        shown &= curve.depth >= curve.contact - _BEFORE * (deepest - curve.contact)
+        shown &= curve.depth >= curve.contact - BEFORE * (deepest - curve.contact)
     if not shown.any():
         return f'<svg role="img" aria-label="{alt}: no points" width="{_WIDTH}" height="20"></svg>'
     index = np.flatnonzero(shown)[:: max(1, int(np.count_nonzero(shown)) // _MOST_POINTS)]

@@ -21,7 +21,6 @@ from underlay.scene.scene import Scene
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
 _WIDTH, _DEEPEST = 2.6, 5.0
-_POINTS = 400
 # A layer thinner than this share of the picture has no room for words.
 _THIN = 0.2
 # Deeper layers in turn, so that neighbours differ.
@@ -100,7 +99,7 @@ def scene(
 def _draw_layer(
     ax: Axes, test: Scene, tip: float, radius: float, half: float, shown: float, factor: float
 ) -> None:
-    r = np.linspace(0.0, half, _POINTS)
+    r = np.linspace(0.0, half, style.LINE_POINTS)
     surface = np.zeros_like(r)
     if radius > 0.0:
         inside = r <= radius
@@ -157,7 +156,7 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
 
 def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
     reach = min(half, test.indenter.max_radius)
-    r = np.linspace(0.0, reach, _POINTS)
+    r = np.linspace(0.0, reach, style.LINE_POINTS)
     both, height = _mirrored(r, test.indenter.surface(r) - tip)
     ax.fill_between(
         both / factor, height / factor, top / factor, where=height < top, color=style.METAL, lw=0.0

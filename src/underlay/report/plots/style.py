@@ -45,6 +45,10 @@ GREY = "#b0b0b0"
 INK, METAL, LAYER, SUBSTRATE = "#1c2126", "#c3c9d1", "#dcebf7", "#cbbfa9"
 #: Blue for negative, orange for positive, distinguishable with every common colour vision.
 DIVERGING = "PuOr_r"
+#: Points of a curve: more than the picture has pixels only make the file heavy. Points of a smooth line.
+MOST_POINTS, LINE_POINTS = 1500, 400
+#: Share of the contact that is shown of the flat part before it.
+BEFORE = 0.35
 #: Numbers of an axis without powers of ten.
 PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
 #: Dark to light in even steps, also without colour.
