@@ -101,13 +101,6 @@ def test_demo_says_where_its_files_are(done, tmp_path):
         assert (tmp_path / name).stat().st_size > 0
 
 
-def test_simulate_then_fit(done, tmp_path):
-    curve = tmp_path / "made.csv"
-    done("simulate", SAMPLES / "gel_on_glass.truth.toml", "--output", curve, "--seed", 5)
-    assert json.loads(curve.with_suffix(".truth.json").read_text())["truth"]["layer.E"] == 1800.0
-    assert "1.8" in done("fit", curve, "--scene", SAMPLES / "gel_on_glass.toml")
-
-
 def table(rows, header="depth (um),force (mN)"):
     return "\n".join([header, *rows]) + "\n"
 
@@ -256,11 +249,3 @@ def test_input_that_is_refused_leaves_no_folder_behind(run, tmp_path, command):
         assert run(*words)[0] == 2
         # What was there before is left, however empty.
         assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.toml", "short.csv", "there"]
-
-
-def test_a_folder_with_results_is_kept(run, tmp_path):
-    curve = tmp_path / "curve.csv"
-    curve.write_bytes((SAMPLES / "cartilage_on_bone.csv").read_bytes())
-    words = ["--scene", SAMPLES / "cartilage_on_bone.toml", "--output", tmp_path / "new" / "within"]
-    assert run("fit", curve, *words)[0] == 0
-    assert (tmp_path / "new" / "within" / "curve.fit.json").exists()

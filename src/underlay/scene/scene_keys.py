@@ -5,7 +5,9 @@ sentence on it in the docstring of its class. One declaration serves the reader 
 `underlay keys` and the form of the page.
 
 Pydantic is not used: its models of four sections took 0.3 of the 1.55 s of processor time of `underlay fit`
-(medians of four runs in turns: 1.55 with them, 1.26 without), for what `Key.read` does in ten lines.
+(medians of four runs in turns: 1.55 with them, 1.26 without), for what `Key.read` does in ten lines. Its
+`TypeAdapter` on one of these dataclasses takes 0.09 s to import and 0.03 s to make, and its messages name neither
+the nearest key nor, in the words of a scene file, what a key takes.
 """
 
 from __future__ import annotations
