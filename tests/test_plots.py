@@ -178,11 +178,8 @@ def test_a_quantity_over_decades_has_an_axis_in_decades():
         truth={},
     )
     cells = ul.plots.corner(wide).get_figure().axes[1:]
-    assert [(cell.get_xscale(), cell.get_yscale()) for cell in cells] == [
-        ("log", "linear"),
-        ("log", "linear"),
-        ("linear", "linear"),
-    ]
+    scales = [(cell.get_xscale(), cell.get_yscale()) for cell in cells]
+    assert scales == [("log", "linear"), ("log", "linear"), ("linear", "linear")]
     # Even in decades, as the prior is: every bar as high as the next.
     heights = cells[0].patches[0].get_data().values
     assert np.ptp(heights[2:-2]) < 0.01
@@ -193,10 +190,8 @@ def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
     ax = ul.plots.corner(posterior, names=["layer.E", "instrument.contact_depth"])
     cells = ax.get_figure(root=True).axes[1:]
     assert len(cells) == 3
-    assert [cell.get_xlabel() for cell in cells if cell.get_xlabel()] == [
-        "layer modulus\n(MPa)",
-        "contact point\n(µm)",
-    ]
+    labels = [cell.get_xlabel() for cell in cells if cell.get_xlabel()]
+    assert labels == ["layer modulus\n(MPa)", "contact point\n(µm)"]
     # A longer name is broken, so that it stays within its cell.
     long = ul.plots.corner(posterior, names=["layer.reduced_modulus"])
     assert long.get_figure(root=True).axes[-1].get_xlabel() == "reduced modulus\nof the layer\n(MPa)"
@@ -211,9 +206,8 @@ def test_profile_shades_its_own_interval(fit):
     walk = ul.profile(fit, "layer.thickness")
     ax = ul.plots.profile(walk)
     box = ax.patches[0].get_extents().transformed(ax.transData.inverted())
-    assert (box.x0, box.x1) == pytest.approx(
-        (walk.interval().low / 1e-3, walk.interval().high / 1e-3), rel=1e-9
-    )
+    ends = walk.interval()
+    assert (box.x0, box.x1) == pytest.approx((ends.low / 1e-3, ends.high / 1e-3), rel=1e-9)
 
 
 def test_profile_draws_the_standard_error_by_its_own_width_and_an_open_end_out_of_the_picture(fit):
