@@ -32,3 +32,30 @@ def run(capsys, monkeypatch):
         return code, captured.out, captured.err
 
     return call
+
+
+@pytest.fixture
+def done(run):
+    """Call the entry point, which must succeed: its stdout."""
+
+    def call(*words):
+        code, out, err = run(*words)
+        assert code == 0, err
+        return out
+
+    return call
+
+
+@pytest.fixture
+def refused(run):
+    """Call the entry point, which must refuse in one line, perhaps with a next step under it: its stderr."""
+
+    def call(*words):
+        code, _, err = run(*words)
+        first, *steps = err.splitlines()
+        assert code == 2, err
+        assert first.startswith("underlay: ")
+        assert all(step.startswith("Next step: ") for step in steps)
+        return err
+
+    return call

@@ -8,10 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from typer.testing import CliRunner
 
 import underlay as ul
-from underlay.cli.app import app
 from underlay.report import plots
 from underlay.report.plots.style import PAGE
 from underlay.report.tables import accuracy_summary
@@ -219,13 +217,10 @@ max_depth = "1 um"
 """
 
 
-def test_the_command_writes_table_and_pictures(tmp_path):
+def test_the_command_writes_table_and_pictures(done, tmp_path):
     scene = tmp_path / "gel.toml"
     scene.write_text(SCENE_FILE)
     out = tmp_path / "out"
-    asked = ["accuracy", str(scene), "--quick", "--output", str(out)]
-    result = CliRunner().invoke(app, asked, env={"COLUMNS": "160"})
-    assert result.exit_code == 0, result.output
-    assert "garcia2018" in result.output
+    assert "garcia2018" in done("accuracy", scene, "--quick", "--output", out)
     assert (out / "gel.accuracy.csv").read_text().startswith("method,form,order,rtol,nodes,error")
     assert (out / "gel.accuracy.png").read_bytes().startswith(b"\x89PNG")

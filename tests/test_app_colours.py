@@ -82,10 +82,7 @@ def test_the_measures_know_black_from_white_and_red_from_green():
 @pytest.mark.parametrize(
     ("words", "ground"),
     [
-        (style_of("body", "color"), WHITE),
-        (style_of(".quiet", "color"), WHITE),
-        (style_of(".name", "color"), WHITE),
-        (style_of(".steps .q-tab--active", "color"), WHITE),
+        *((style_of(rule, "color"), WHITE) for rule in ("body", ".quiet", ".name", ".steps .q-tab--active")),
         (style_of(".files .q-item--active", "color"), style_of(".files .q-item--active", "background")),
         (style_of(".card-picture text", "fill"), WHITE),
         (WHITE, COLOURS["primary"]),

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 from support.page import page, press, run, until, wait_for, write
 from underlay.app.pages.many import GalleryPart
-from underlay.app.shown import Card, Gallery
+from underlay.app.shown import Gallery
+from underlay.report.review import Card
 
 
 class Answers:
@@ -24,7 +25,7 @@ class Answers:
 
 
 def card(name, **what):
-    return Card(name, "good", "", ("1 kPa",), "small", "<svg></svg>", fitted=True, **what)
+    return Card(name, "good", "", ("1 kPa",), 0.01, "<svg></svg>", fitted=True, **what)
 
 
 def test_a_gallery_drawn_again_takes_neither_a_button_nor_a_question_away(tmp_path):

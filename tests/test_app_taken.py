@@ -11,30 +11,20 @@ import pandas as pd
 import pytest
 
 import underlay as ul
+from support.analyses import looked_at, silent
 from support.page import at_the_fit, page, press, press_until, run, seen, until, wait_for, write
-from support.reports import text_in
+from support.reports import SAMPLES, text_in
 from underlay.app import tasks
 from underlay.app.folder import AnalysisFolder, keep, kept, stem_of
-from underlay.app.form import Draft, preset
+from underlay.app.form import Draft
 from underlay.app.shown import Film, Found, Sampled
 from underlay.app.state import Snapshot
 from underlay.app.tasks import Analyst
 
-SAMPLES = Path(__file__).parents[1] / "data_samples"
-
-
-def silent(_value):
-    return None
-
 
 def gel(tmp_path):
-    """An analysis of the gel."""
-    folder = AnalysisFolder(tmp_path / "one")
-    folder.add_curve("gel_on_glass.csv", (SAMPLES / "gel_on_glass.csv").read_bytes())
-    draft = preset("gel_on_glass")
-    draft.table("curve")["file"] = "curves/gel_on_glass.csv"
-    folder.write_scene(draft.text())
-    return folder
+    """The folder of an analysis of the gel."""
+    return looked_at(tmp_path, "gel_on_glass")[1]
 
 
 def change(folder):

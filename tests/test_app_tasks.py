@@ -3,8 +3,7 @@
 import io
 import json
 import zipfile
-from dataclasses import dataclass
-from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,6 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import underlay as ul
+from support.analyses import looked_at, silent
 from support.call_counter import count_calls
 from support.reports import text_in
 from underlay.app import tasks
@@ -25,22 +25,6 @@ from underlay.inference.from_files import read_whole
 from underlay.inference.least_squares import fitting
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import read_scene_file, scene_file_from_text
-
-SAMPLES = Path(__file__).parents[1] / "data_samples"
-
-
-def silent(_value):
-    return None
-
-
-def looked_at(tmp_path, sample, name, **curve):
-    """The tasks on an analysis of one sample curve, and its scene file."""
-    folder = AnalysisFolder(tmp_path / "one")
-    brought = folder.add_curve(f"{name}.csv", (SAMPLES / f"{name}.csv").read_bytes())
-    draft = preset(sample)
-    draft.table("curve").update(file=f"curves/{brought.name}", **curve)
-    folder.write_scene(draft.text())
-    return Analyst(str(folder.path)), folder
 
 
 def test_a_file_is_told_with_its_segments_and_what_the_instrument_found(tmp_path):
@@ -57,7 +41,7 @@ def test_a_file_is_told_with_its_segments_and_what_the_instrument_found(tmp_path
 
 
 def test_what_nobody_entered_is_assumed_in_the_result_in_the_report_and_in_the_exported_test(tmp_path):
-    analyst, folder = looked_at(tmp_path, "gel_on_glass", "gel_on_glass")
+    analyst, folder = looked_at(tmp_path, "gel_on_glass")
     draft = Draft.of(folder.scene_text())
     draft.confirm("layer.nu")
     draft.free["instrument.contact_depth"] = {"min": "-1 um", "max": "1 um"}
@@ -79,9 +63,7 @@ def test_what_nobody_entered_is_assumed_in_the_result_in_the_report_and_in_the_e
 
 
 def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):
-    _, folder = looked_at(
-        tmp_path, "cartilage_on_bone", "cartilage_on_bone", fit_from="10 % of force", fit_to="60 % of force"
-    )
+    _, folder = looked_at(tmp_path, "cartilage_on_bone", fit_from="10 % of force", fit_to="60 % of force")
     file = read_scene_file(folder.scene)
     curve = read_whole(file, file.curve_path)
     held = laws_at_contact(file, curve, 1.4e-5)
@@ -95,13 +77,10 @@ def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):
 def test_while_a_handle_is_moved_two_laws_are_fitted_once_each_and_no_picture_is_drawn(
     tmp_path, monkeypatch, sample
 ):
-    analyst, _ = looked_at(tmp_path, sample, sample)
+    analyst, _ = looked_at(tmp_path, sample)
     seen = analyst.look(None, None, None, None, silent)
-    pictures, readings = (
-        count_calls(monkeypatch, Figure, "savefig"),
-        count_calls(monkeypatch, tasks, "read_whole"),
-    )
-    fits = count_calls(monkeypatch, fitting, "_fit_once")
+    counted = ((Figure, "savefig"), (tasks, "read_whole"), (fitting, "_fit_once"))
+    pictures, readings, fits = (count_calls(monkeypatch, *called) for called in counted)
     moved = seen.contact + 0.01 * (seen.extent[1] - seen.extent[0])
     laws, notes = analyst.laws(moved, seen.low, seen.high, silent)
     assert (pictures.calls, readings.calls, fits.calls) == (0, 0, 2)
@@ -120,21 +99,15 @@ def test_a_tip_that_only_the_file_knows_is_drawn_as_the_file_says_it(tmp_path, m
     del draft.table("indenter")["radius"]
     folder.write_scene(draft.text())
     drawn = []
-
-    @dataclass
-    class Plots:
-        @staticmethod
-        def scene(test, **_more):
-            drawn.append(test)
-
-    monkeypatch.setattr("underlay.app.tasks.plots", Plots)
+    plots = SimpleNamespace(scene=lambda test, **_more: drawn.append(test))
+    monkeypatch.setattr("underlay.app.tasks.plots", plots)
     monkeypatch.setattr("underlay.app.tasks.drawn", lambda _ax: b"picture")
     assert analyst.scene(silent) == b"picture"
     assert drawn[0].indenter.radius == pytest.approx(27.5e-6)
 
 
 def test_a_scene_without_a_curve_is_drawn_at_the_default_depth_of_every_command(tmp_path):
-    analyst, folder = looked_at(tmp_path, "cartilage_on_bone", "cartilage_on_bone")
+    analyst, folder = looked_at(tmp_path, "cartilage_on_bone")
     folder.write_scene(preset("cartilage_on_bone").text())
     file = read_scene_file(folder.scene)
     assert analyst._deepest(file) == default_depth(file.scene)

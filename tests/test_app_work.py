@@ -1,8 +1,6 @@
 """The process beside the page: answers, refusals, faults, deaths, stops; and the end of its parent."""
 
 import asyncio
-import os
-import subprocess
 import sys
 import textwrap
 import time
@@ -10,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.python import python
 from underlay.app.work import Worker, WorkError
 
 TASKS = "support.worker_tasks:Tasks"
@@ -91,15 +90,7 @@ _FIRST_START = """
 def first_start(meanwhile="", *, again=False):
     """What two workers told, the longest time (s) in which nothing else was done, and the time (s) of all."""
     code = textwrap.dedent(_FIRST_START).format(meanwhile=meanwhile or "pass", again=again)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120.0,
-    )
+    done = python("-c", code, check=True)
     told, _, numbers = done.stdout.rpartition("] ")
     longest, whole, is_main = numbers.split()
     assert is_main == "True"
@@ -139,14 +130,8 @@ def test_a_worker_ends_with_a_parent_that_was_killed():
 
         asyncio.run(scenario())
     """
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        env=environment,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
+    # The worker holds a pipe of errors for as long as it lives.
+    done = python("-c", textwrap.dedent(code), stderr=None)
     assert done.returncode == -9
     worker = Path("/proc") / done.stdout.strip()
     for _ in range(500):

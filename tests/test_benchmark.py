@@ -1,6 +1,5 @@
 """The open benchmark: its files are made again to the bit, its references hold, and any program can be scored."""
 
-import contextlib
 import sys
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pytest
 
 import underlay as ul
 from support.reference_solver import STORED
-from underlay.cli.app import main
 from underlay.inference.benchmark import (
     Estimate,
     Program,
@@ -178,13 +176,10 @@ def test_a_name_that_no_scene_has_is_said():
         Program("program {layer.stiffness}")(benchmark_cases()[0])
 
 
-def test_the_command_scores_a_program(tmp_path, monkeypatch, capsys):
+def test_the_command_scores_a_program(run, tmp_path):
     program = f"{sys.executable} -c 'print(2e3)'"
-    words = ["underlay", "benchmark", "--program", program, "--kind", "elastic", "--output", str(tmp_path)]
-    monkeypatch.setattr(sys, "argv", words)
-    with contextlib.suppress(SystemExit):
-        main()
-    assert "5 of 5" in capsys.readouterr().out
+    words = ("--program", program, "--kind", "elastic", "--output", tmp_path)
+    assert "5 of 5" in run("benchmark", *words)[1]
     assert (tmp_path / "benchmark.csv").read_text().count("\n") == 6
 
 

@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import underlay as ul
-from underlay.cli.app import app
 from underlay.report.limits import bonds_sentences
 
 GEL = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(2e3, 0.5), 0.3e-3, bond="slip"), ul.RIGID)
@@ -112,7 +110,7 @@ def test_an_unknown_bond_is_computed_as_bonded_and_its_file_says_unknown(tmp_pat
     assert not row["simulated"]
 
 
-def test_the_command_prints_both(tmp_path):
+def test_the_command_prints_both(done, tmp_path):
     problem = posed(GEL)
     curve = problem.curves[0]
     table = np.column_stack([curve.depth * 1e6, curve.force * 1e6])
@@ -120,21 +118,10 @@ def test_the_command_prints_both(tmp_path):
     GEL.save(tmp_path / "gel.toml")
     with (tmp_path / "gel.toml").open("a", encoding="utf-8") as file:
         file.write('\n[fit]\nlayer.E = { min = "10 Pa", max = "1 MPa" }\n')
-    done = CliRunner().invoke(
-        app,
-        [
-            "compare",
-            str(tmp_path / "gel.csv"),
-            "--scene",
-            str(tmp_path / "gel.toml"),
-            "--output",
-            str(tmp_path),
-        ],
-    )
-    assert done.exit_code == 0, done.output
-    assert "bonded: layer modulus" in done.output
-    assert "; slipping: layer modulus" in done.output
-    assert (
-        (tmp_path / "gel.bonds.csv").read_text(encoding="utf-8").startswith("face,parameter,value,low,high")
-    )
+    words = ("--scene", tmp_path / "gel.toml", "--output", tmp_path)
+    out = done("compare", tmp_path / "gel.csv", *words)
+    assert "bonded: layer modulus" in out
+    assert "; slipping: layer modulus" in out
+    bonds = (tmp_path / "gel.bonds.csv").read_text(encoding="utf-8")
+    assert bonds.startswith("face,parameter,value,low,high")
     assert "exact" in (tmp_path / "gel.laws.csv").read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import pytest
 import underlay as ul
 from support.populations import write_study
 from support.reports import small_posterior
-from underlay.cli.app import main
 from underlay.inference.citation import bibtex, of_sampling, used_by, work, works
 from underlay.inference.cited import cited
 from underlay.mechanics.published import published_names
@@ -139,14 +137,7 @@ def test_bibtex_is_bibtex():
         assert "author = {" in body
 
 
-def test_the_command_prints_and_writes(tmp_path, monkeypatch, capsys):
+def test_the_command_prints_and_writes(done, tmp_path):
     path = fitted(tmp_path, noise=ul.Noise())
-    monkeypatch.setattr(sys, "argv", ["underlay", "cite", str(path), "--output", str(tmp_path)])
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code
-        assert code in (0, None)
-    out = capsys.readouterr().out
-    assert "doi:10.1038/s41592-019-0686-2" in out
+    assert "doi:10.1038/s41592-019-0686-2" in done("cite", path, "--output", tmp_path)
     assert (tmp_path / "a.bib").read_text(encoding="utf-8").startswith("@software{underlay")

@@ -16,15 +16,7 @@ from underlay.scene.scene_file import scene_from_text
 
 #: Excel files hold sixteen digits.
 DIGITS = 1e-15
-HOSTILE = (
-    "=1+1",
-    "+cmd|'/C calc'!A0",
-    "@SUM(A1)",
-    "{=A1}",
-    "http://example.org",
-    "internal:A1",
-    "a\x00\x0bb",
-)
+HOSTILE = ("=1+1", "+cmd|'/C calc'!A0", "@SUM(A1)", "{=A1}", "http://a.org", "internal:A1", "a\x00\x0bb")
 
 
 def read_back(content):
@@ -90,9 +82,8 @@ def test_a_shared_parameter_says_what_its_curves_have_in_common():
     scenes = [layer_on(ul.RIGID), layer_on(ul.RIGID, indenter=ul.Paraboloid(2e-3))]
     tests = [(scene, measured(scene, rng=n)) for n, scene in enumerate(scenes)]
     free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-2e-5, 4e-5)}
-    rows = result_rows(ul.fit(ul.Problem.joint(tests, free, ["layer.E"], noise=ul.Noise()))).set_index(
-        "parameter"
-    )
+    joint = ul.fit(ul.Problem.joint(tests, free, ["layer.E"], noise=ul.Noise()))
+    rows = result_rows(joint).set_index("parameter")
     assert rows.loc["layer.E", "thickness (m)"] == 5e-4
     assert np.isnan(rows.loc["layer.E", "radius (m)"])
     assert rows.loc["instrument.contact_depth[1]", "radius (m)"] == 2e-3
@@ -125,22 +116,11 @@ def test_a_text_longer_than_a_cell_is_cut():
 
 
 def test_a_map_and_its_groups():
-    rng = np.random.default_rng(0)
-    rows = [
-        {
-            "name": f"c{n}",
-            "path": f"c{n}.csv",
-            "status": "fitted",
-            "verdict": "good",
-            "reason": "",
-            "animal": f"a{n % 3}",
-            "group": "ctl" if n % 3 < 2 else "oa",
-            "layer.E": 1e6 * np.exp(0.2 * rng.standard_normal()),
-            "layer.E.stderr": 1e4,
-        }
-        for n in range(12)
-    ]
-    table = pd.DataFrame(rows)
+    modulus = 1e6 * np.exp(0.2 * np.random.default_rng(0).standard_normal(12))
+    table = pd.DataFrame({"name": [f"c{n}" for n in range(12)], "layer.E": modulus, "layer.E.stderr": 1e4})
+    table["path"] = table["name"] + ".csv"
+    table = table.assign(status="fitted", verdict="good", reason="")
+    table = table.assign(animal=["a0", "a1", "a2"] * 4, group=["ctl", "ctl", "oa"] * 4)
     found = ul.population(table, by=["animal"], group="group")
     sheets = read_back(workbook(excel_sheets(table, found)))
     assert list(sheets) == ["results", "settings", "curves", "groups", "ratios"]

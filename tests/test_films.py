@@ -1,7 +1,6 @@
 """Continuous stiffness of films: made from the law and found again; and loadings that no elastic law holds for."""
 
 import re
-import sys
 
 import numpy as np
 import pandas as pd
@@ -9,7 +8,6 @@ import pytest
 
 import underlay as ul
 from support.films import FILM, WORN, made_test, write_films
-from underlay.cli.app import main
 from underlay.data.export import curve_csv
 from underlay.data.withdrawal import imprint_of
 from underlay.inference.films import DIAMOND
@@ -198,26 +196,11 @@ def test_a_thickness_is_told_as_a_length():
     assert re.fullmatch("[un]m", film_moduli(found).set_index("parameter")["unit"]["layer.thickness"])
 
 
-def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monkeypatch):
+def test_the_command_calibrates_the_tip_and_fits_the_film(done, refused, tmp_path):
     film, base, scene = write_films(tmp_path)
     known = f"{160.0 / (1.0 - 0.22**2):.6f} GPa"
-    words = [
-        "film",
-        film,
-        "--scene",
-        scene,
-        "--calibration",
-        base,
-        "--known-modulus",
-        known,
-        "-o",
-        tmp_path / "out",
-    ]
-    monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    assert not stop.value.code
-    out = capsys.readouterr().out
+    words = ("film", film, "--scene", scene, "--calibration", base)
+    out = done(*words, "--known-modulus", known, "-o", tmp_path / "out")
     assert re.search(r"layer\.E\s+(70|69\.9\d?|70\.\d+) GPa", out)
     assert "perfect cone" not in out
     assert (tmp_path / "out" / "oxide.film.png").read_bytes().startswith(b"\x89PNG")
@@ -230,8 +213,4 @@ def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monk
     assert {"depth (m)", "stiffness (N/m)", "layer modulus (Pa)", "a/h"} <= set(depths)
     assert len(depths) == moduli["depths"]
     assert depths["depth (m)"].max() == pytest.approx(moduli["fitted to (m)"])
-    monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words[:6])])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    assert stop.value.code == 2
-    assert '--calibration needs --known-modulus, such as "165 GPa"' in capsys.readouterr().err
+    assert '--calibration needs --known-modulus, such as "165 GPa"' in refused(*words)

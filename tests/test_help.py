@@ -1,20 +1,18 @@
 """What `--help` promises: each command has examples, and each works as written; the shell completes words."""
 
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 
 import pytest
 import typer
 
 from support.films import write_films
 from support.populations import write_study
+from support.python import python
 from support.reports import SAMPLES, write_result
 from support.timing import timed_once
-from underlay.cli.app import app, main
+from underlay.cli.app import app
 from underlay.report import notebook
 
 COMMANDS = typer.main.get_command(app).commands
@@ -56,9 +54,8 @@ def test_every_command_has_an_example(name):
 
 
 @pytest.mark.parametrize("example", list(examples()))
-def test_example_works_as_written(example, folder, monkeypatch, capsys):
+def test_example_works_as_written(done, example, folder, monkeypatch):
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", shlex.split(example))
     if example.split()[1] == "app":
         # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
         monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
@@ -66,12 +63,7 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
         # Cells of the same notebooks are run by tests/test_cli_report.py.
         monkeypatch.setattr(notebook, "execute", lambda made, _: made)
     timed_once(monkeypatch)
-    code = 0
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    assert code == 0, capsys.readouterr().err
+    done(*shlex.split(example)[1:])
     for output in re.findall(r"--(?:output|notebook) (\S+)", example):
         assert (folder / output).exists(), output
 
@@ -79,14 +71,5 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
 def test_shell_completes_commands(folder):
     code = "import sys; sys.argv = ['underlay']; from underlay.cli import main; main()"
     asked = {"_UNDERLAY_COMPLETE": "complete_bash", "COMP_WORDS": "underlay re", "COMP_CWORD": "1"}
-    path = os.pathsep.join(filter(None, sys.path))
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": path, **asked},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    done = python("-c", code, cwd=folder, env=asked)
     assert done.stdout.split() == ["report"], done

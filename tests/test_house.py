@@ -217,7 +217,7 @@ OPENS_DOTTED = {
 #: The only modules that call them, and why; `_door` checks a file, the others get bytes of it or write.
 DOORS = {
     "app/server": {"webbrowser.open"},  # opens a browser
-    "app/takeaway": {"zipfile.ZipFile"},  # writes into memory
+    "app/results": {"zipfile.ZipFile"},  # writes into memory
     "_door": {"os.open", "io.FileIO", "json.loads", "tomllib.loads", "zipfile.ZipFile", "archive.open"},
     "_files": {"os.open", "os.fdopen"},  # writes
     "data/export": {"h5py.File"},  # writes into memory

@@ -84,20 +84,19 @@ def test_a_review_among_the_curves_is_no_curve(run, site):
     assert "12: 11 good" in printed
 
 
-def test_an_excel_file_among_the_curves_is_refused(run, site, tmp_path):
+def test_an_excel_file_among_the_curves_is_refused(run, refused, site, tmp_path):
     """A workbook may be a curve: a run that is continued would find one more, and be another."""
     words, folder = site
     for where in (words, (tmp_path, *words[1:], "--folders", "group")):
-        code, _, err = run(*where, "--output", tmp_path / "out", "--excel", folder / "map.xlsx")
-        assert code == 2
-        assert "lies among the curves" in err
+        asked = ("--output", tmp_path / "out", "--excel", folder / "map.xlsx")
+        assert "lies among the curves" in refused(*where, *asked)
     assert not (tmp_path / "out").exists()
     beside = folder / "made" / "map.xlsx"
     assert run(*words, "--output", tmp_path / "out", "--excel", beside)[0] == 0
     assert run(*words, "--output", tmp_path / "out", "--excel", beside, "--resume")[0] == 0
 
 
-def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeypatch):
+def test_ctrl_c_keeps_everything_and_resume_goes_on(run, done, refused, site, tmp_path, monkeypatch):
     words, _ = site
     original = batch_work.CurveFitter._row
     fitted = []
@@ -114,15 +113,11 @@ def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeyp
     assert code == 130
     assert "what was finished is kept" in err
     assert len(pd.read_csv(tmp_path / "out" / "map.csv")) == 4
-    code, _, err = run(*words, "--output", tmp_path / "out")
-    assert code == 2
-    assert "--resume" in err
-    code, out, _ = run(*words, "--output", tmp_path / "out", "--resume")
-    assert code == 0
-    assert "Curves          12:" in out
+    assert "--resume" in refused(*words, "--output", tmp_path / "out")
+    assert "Curves          12:" in done(*words, "--output", tmp_path / "out", "--resume")
 
 
-def test_bad_input_is_one_line(run, site, tmp_path):
+def test_bad_input_is_one_line(refused, site, tmp_path):
     words, folder = site
     a_file = tmp_path / "a file"
     a_file.write_text("x", encoding="utf-8")
@@ -134,8 +129,5 @@ def test_bad_input_is_one_line(run, site, tmp_path):
         ((*words, "--format", "xlsx"), "csv or parquet"),
         ((tmp_path / "nowhere", *words[1:], "--output", tmp_path / "out"), "nowhere"),
     ):
-        code, _, err = run(*given)
-        assert code == 2
-        assert message in err
-        assert err.count("\n") == 1
+        assert message in refused(*given)
     assert not (tmp_path / "out" / "map.csv").exists()

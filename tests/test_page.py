@@ -6,7 +6,7 @@ import pytest
 
 import underlay as ul
 from support.chromium import browser, chromium
-from support.reports import SAMPLES, joint_fit
+from support.reports import joint_fit, sample_fit
 from underlay.report import labels
 
 opened = pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine: the page is not opened")
@@ -51,8 +51,7 @@ PICTURES = """
 def report_pages(tmp_path_factory):
     """The pages of a fit and of a joint fit, written."""
     folder = tmp_path_factory.mktemp("pages")
-    problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
-    fits = {"fit": ul.fit(problem), "joint": joint_fit()}
+    fits = {"fit": sample_fit("cartilage_on_bone"), "joint": joint_fit()}
     return {name: ul.report(fit, folder / f"{name}.html") for name, fit in fits.items()}
 
 
@@ -105,8 +104,7 @@ def test_page(report_pages, tab, kind, width, scheme):
 @opened
 @pytest.mark.parametrize("name", ["cartilage_on_bone", "mach1_relaxation", "soft_film_on_softer_base"])
 def test_the_sheet_is_one_page_of_a_pdf(name, tmp_path):
-    fit = ul.fit(ul.load_problem(SAMPLES / f"{name}.csv", SAMPLES / f"{name}.toml"))
-    written = ul.report(fit, tmp_path / "page.html", pdf=True)
+    written = ul.report(sample_fit(name), tmp_path / "page.html", pdf=True)
     assert written.name == "page.html"
     data = (tmp_path / "page.pdf").read_bytes()
     assert data.startswith(b"%PDF")

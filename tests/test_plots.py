@@ -13,14 +13,21 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.reports import SAMPLES, small_posterior
+from support.reports import SAMPLES, sample_fit, small_posterior
 from underlay.report.plots import style
 from underlay.report.plots.map import _squares
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(autouse=True)
+def _closed():
+    """Close every figure after a test."""
+    yield
+    plt.close("all")
+
+
+@pytest.fixture
 def fit():
-    return ul.fit(ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"))
+    return sample_fit("cartilage_on_bone")
 
 
 @pytest.fixture(scope="module")
@@ -42,48 +49,35 @@ def site_table():
     return pd.DataFrame({"x": x.ravel(), "y": y.ravel(), "layer.E": modulus.ravel()})
 
 
-@pytest.fixture
-def pictures(fit, planned):
-    posterior = small_posterior()[1]
-    return {
-        "fit": lambda ax=None: ul.plots.fit(fit, ax=ax),
-        "scene": lambda ax=None: ul.plots.scene(fit.scene, depth=3e-4, ax=ax),
-        "correlations": lambda ax=None: ul.plots.correlations(fit, ax=ax),
-        "identifiability": lambda ax=None: ul.plots.identifiability(ul.identifiability(fit), ax=ax),
-        "profile": lambda ax=None: ul.plots.profile(ul.profile(fit, "layer.E"), ax=ax),
-        "plan": lambda ax=None: ul.plots.plan(planned, ax=ax),
-        "corner": lambda ax=None: ul.plots.corner(posterior, ax=ax),
-        "predictive": lambda ax=None: ul.plots.predictive(posterior, ax=ax),
-        "map": lambda ax=None: ul.plots.map(site_table(), ax=ax),
-        "verdicts": lambda ax=None: ul.plots.verdicts(site_table().assign(verdict="good"), ax=ax),
-        "histogram": lambda ax=None: ul.plots.histogram(site_table(), ax=ax),
-    }
+#: Pictures by name: each draws a fit, a plan or a posterior into axes.
+PICTURES = {
+    "fit": lambda fit, _plan, _post, *, ax: ul.plots.fit(fit, ax=ax),
+    "fit in logarithms": lambda fit, _plan, _post, *, ax: ul.plots.fit_log(fit, ax=ax),
+    "scene": lambda fit, _plan, _post, *, ax: ul.plots.scene(fit.scene, depth=3e-4, ax=ax),
+    "correlations": lambda fit, _plan, _post, *, ax: ul.plots.correlations(fit, ax=ax),
+    "identifiability": lambda fit, _plan, _post, *, ax: ul.plots.identifiability(
+        ul.identifiability(fit), ax=ax
+    ),
+    "profile": lambda fit, _plan, _post, *, ax: ul.plots.profile(ul.profile(fit, "layer.E"), ax=ax),
+    "plan": lambda _fit, plan, _post, *, ax: ul.plots.plan(plan, ax=ax),
+    "corner": lambda _fit, _plan, post, *, ax: ul.plots.corner(post, ax=ax),
+    "predictive": lambda _fit, _plan, post, *, ax: ul.plots.predictive(post, ax=ax),
+    "map": lambda *_, ax: ul.plots.map(site_table(), ax=ax),
+    "verdicts": lambda *_, ax: ul.plots.verdicts(site_table().assign(verdict="good"), ax=ax),
+    "histogram": lambda *_, ax: ul.plots.histogram(site_table(), ax=ax),
+}
 
 
-NAMES = (
-    "fit",
-    "scene",
-    "correlations",
-    "identifiability",
-    "profile",
-    "plan",
-    "corner",
-    "predictive",
-    "map",
-    "verdicts",
-    "histogram",
-)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_picture_keeps_to_the_rules(pictures, name, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", PICTURES)
+def test_every_picture_keeps_to_the_rules(fit, planned, name, tmp_path, monkeypatch):
+    shown = fit, planned, small_posterior()[1]
     monkeypatch.setattr(plt, "show", lambda *_, **__: pytest.fail("a picture called plt.show"))
     before = mpl.rcParams.copy()
     _, (left, right) = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
-    assert pictures[name](left) is left
+    assert PICTURES[name](*shown, ax=left) is left
     assert right.has_data() is False
     plt.close("all")
-    own = pictures[name]()
+    own = PICTURES[name](*shown, ax=None)
     width = own.get_figure(root=True).get_figwidth()
     assert style.COLUMN <= width <= style.PAGE or name == "corner"
     data = ul.plots.save(own, tmp_path / f"{name}.png").read_bytes()
@@ -108,7 +102,6 @@ def test_saving_writes_each_format_closes_the_figure_and_refuses_others(fit, tmp
     ax = ul.plots.fit(fit)
     with pytest.raises(ul.InputError, match=r"\.png, \.svg or \.pdf"):
         ul.plots.save(ax, tmp_path / "a.jpg")
-    plt.close("all")
 
 
 def test_fit_shows_the_data_the_fit_and_the_half_space_from_contact_on(fit):
@@ -127,7 +120,6 @@ def test_fit_shows_the_data_the_fit_and_the_half_space_from_contact_on(fit):
     strip = upper.get_figure(root=True).axes[1]
     residual = next(line.get_ydata() for line in strip.get_lines() if len(line.get_ydata()) == len(x))
     np.testing.assert_allclose(residual * 1e-3, fit.residuals[0], rtol=1e-12)
-    plt.close("all")
 
 
 def test_a_budget_has_a_bar_for_every_source_and_one_for_all(fit):
@@ -140,7 +132,6 @@ def test_a_budget_has_a_bar_for_every_source_and_one_for_all(fit):
     assert len(hatched) >= 3
     with pytest.raises(ul.InputError, match="is not determined"):
         ul.plots.budget(replace(answer, high=np.inf))
-    plt.close("all")
 
 
 @pytest.mark.parametrize(
@@ -168,14 +159,12 @@ def test_scene_is_drawn_to_scale(indenter, substrate):
     assert dots.get_xdata()[1] * unit == pytest.approx(radius)
     edge = float(indenter.surface(np.array([radius]))[0]) - depth
     assert dots.get_ydata()[1] * unit == pytest.approx(edge, abs=1e-12)
-    plt.close("all")
 
 
 def test_scene_before_contact_can_be_drawn():
     test = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
     ax = ul.plots.scene(test, depth=-1e-5)
     assert not [line for line in ax.get_lines() if line.get_marker() == "o"]
-    plt.close("all")
 
 
 def test_a_quantity_over_decades_has_an_axis_in_decades():
@@ -189,15 +178,11 @@ def test_a_quantity_over_decades_has_an_axis_in_decades():
         truth={},
     )
     cells = ul.plots.corner(wide).get_figure().axes[1:]
-    assert [(cell.get_xscale(), cell.get_yscale()) for cell in cells] == [
-        ("log", "linear"),
-        ("log", "linear"),
-        ("linear", "linear"),
-    ]
+    scales = [(cell.get_xscale(), cell.get_yscale()) for cell in cells]
+    assert scales == [("log", "linear"), ("log", "linear"), ("linear", "linear")]
     # Even in decades, as the prior is: every bar as high as the next.
     heights = cells[0].patches[0].get_data().values
     assert np.ptp(heights[2:-2]) < 0.01
-    plt.close("all")
 
 
 def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
@@ -205,10 +190,8 @@ def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
     ax = ul.plots.corner(posterior, names=["layer.E", "instrument.contact_depth"])
     cells = ax.get_figure(root=True).axes[1:]
     assert len(cells) == 3
-    assert [cell.get_xlabel() for cell in cells if cell.get_xlabel()] == [
-        "layer modulus\n(MPa)",
-        "contact point\n(µm)",
-    ]
+    labels = [cell.get_xlabel() for cell in cells if cell.get_xlabel()]
+    assert labels == ["layer modulus\n(MPa)", "contact point\n(µm)"]
     # A longer name is broken, so that it stays within its cell.
     long = ul.plots.corner(posterior, names=["layer.reduced_modulus"])
     assert long.get_figure(root=True).axes[-1].get_xlabel() == "reduced modulus\nof the layer\n(MPa)"
@@ -217,17 +200,14 @@ def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
     by_hand = plt.figure().add_axes((0.1, 0.1, 0.8, 0.8))
     with pytest.raises(ul.InputError, match="divides its axes"):
         ul.plots.corner(posterior, ax=by_hand)
-    plt.close("all")
 
 
 def test_profile_shades_its_own_interval(fit):
     walk = ul.profile(fit, "layer.thickness")
     ax = ul.plots.profile(walk)
     box = ax.patches[0].get_extents().transformed(ax.transData.inverted())
-    assert (box.x0, box.x1) == pytest.approx(
-        (walk.interval().low / 1e-3, walk.interval().high / 1e-3), rel=1e-9
-    )
-    plt.close("all")
+    ends = walk.interval()
+    assert (box.x0, box.x1) == pytest.approx((ends.low / 1e-3, ends.high / 1e-3), rel=1e-9)
 
 
 def test_profile_draws_the_standard_error_by_its_own_width_and_an_open_end_out_of_the_picture(fit):
@@ -252,7 +232,6 @@ def test_profile_draws_the_standard_error_by_its_own_width_and_an_open_end_out_o
     assert ax.get_xlim()[0] < aside / 1e-3 < ax.get_xlim()[1]
     box = ax.patches[0].get_extents().transformed(ax.transData.inverted())
     assert box.x0 == pytest.approx(ax.get_xlim()[0])
-    plt.close("all")
 
 
 def moved(walk, factor, rise):
@@ -283,14 +262,12 @@ def test_profile_shades_every_part_of_its_interval(fit, factor, parts):
     np.testing.assert_allclose(lines[0].get_xdata() * 1e6, branch.values)
     assert len(lines) == 1
     assert ax.get_xlim()[1] < 1.2 * boxes[-1].x1
-    plt.close("all")
 
 
 def test_plan_puts_its_star_on_the_recommendation(planned):
     ax = ul.plots.plan(planned)
     star = next(line for line in ax.get_lines() if line.get_label() == "recommended")
     assert star.get_xdata()[0] * 1e-3 == pytest.approx(planned.best[0])
-    plt.close("all")
 
 
 def test_map_shows_every_site_and_says_what_is_missing():
@@ -306,7 +283,6 @@ def test_map_shows_every_site_and_says_what_is_missing():
         ul.plots.map(table.assign(**{"layer.E": np.nan}))
     alone = _squares(np.array([0.0]), np.array([0.0]))
     assert np.ptp(alone) > 0.0
-    plt.close("all")
 
 
 def test_verdicts_have_a_colour_a_shape_and_a_count_each():
@@ -317,7 +293,6 @@ def test_verdicts_have_a_colour_a_shape_and_a_count_each():
     assert len({line.get_marker() for line in ax.get_lines()}) == 3
     with pytest.raises(ul.InputError, match="'verdict' holds words"):
         ul.plots.map(table, "verdict")
-    plt.close("all")
 
 
 def test_histogram_counts_every_curve_once():
@@ -327,7 +302,6 @@ def test_histogram_counts_every_curve_once():
     assert all(float(tick).is_integer() for tick in few.get_yticks())
     with pytest.raises(ul.InputError, match="no column 'height'"):
         ul.plots.histogram(site_table(), "height")
-    plt.close("all")
 
 
 def test_strip_in_axes_placed_by_hand_keeps_their_box(fit):
@@ -337,7 +311,6 @@ def test_strip_in_axes_placed_by_hand_keeps_their_box(fit):
     assert min(box.y0 for box in boxes) == pytest.approx(0.2)
     assert max(box.y1 for box in boxes) == pytest.approx(0.2 + 0.7, abs=0.05)
     assert boxes[1].y1 < boxes[0].y0
-    plt.close("all")
 
 
 def test_segments_are_told_apart_by_colour_and_mark():
@@ -348,7 +321,6 @@ def test_segments_are_told_apart_by_colour_and_mark():
     assert len({(line.get_color(), line.get_marker()) for line in drawn.values()}) == 2
     assert sum(len(line.get_xdata()) for line in drawn.values()) == len(curve)
     assert "depth" in upper.get_ylabel()
-    plt.close(upper.figure)
 
 
 def test_a_stack_is_drawn_with_its_layers_named_beside_it():
@@ -367,7 +339,6 @@ def test_a_stack_is_drawn_with_its_layers_named_beside_it():
     faces = [line for line in ax.lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[0] for line in faces] == [pytest.approx(-4.9)]
     assert "contact radius" in ax.get_title()
-    plt.close("all")
 
 
 def chiaro_fit():
@@ -383,7 +354,6 @@ def test_a_fit_is_drawn_about_its_contact_and_whole_where_asked():
     # Less than the travel: the lever bends.
     assert 0.7 * (deepest - contact) < high < deepest - contact
     assert ul.plots.fit(fit, whole=True).get_xlim()[0] < 1.0 - contact
-    plt.close("all")
 
 
 def test_logarithms_show_the_slopes_of_a_ball_and_a_cone():
@@ -397,10 +367,3 @@ def test_logarithms_show_the_slopes_of_a_ball_and_a_cone():
         x, y = lines[label].get_data()
         assert np.polyfit(np.log(x), np.log(y), 1)[0] == pytest.approx(slope, rel=1e-6)
     assert "µ" in ul.plots.fit_log(chiaro_fit()).get_xlabel()
-    plt.close("all")
-
-
-def test_pictures_are_as_wide_as_a_page():
-    figure = ul.plots.fit_log(chiaro_fit()).get_figure(root=True)
-    assert figure.get_size_inches()[0] == pytest.approx(7.2)
-    plt.close("all")

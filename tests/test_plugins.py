@@ -1,13 +1,10 @@
 """Indenters, solvers and readers of other packages: declared as entry points, known by name, errors contained."""
 
-import sys
-
 import numpy as np
 import pytest
 
 import underlay as ul
 from underlay import plugins as found
-from underlay.cli.app import main
 from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.scene.scene_keys import scene_keys
 
@@ -110,16 +107,6 @@ def _installed(tmp_path_factory):
     found.plugins.cache_clear()
 
 
-def command(monkeypatch, capsys, *words):
-    monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
-    code = 0
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    return code, *capsys.readouterr()
-
-
 SCENE = """
 [indenter]
 shape = "rounded_tip"
@@ -137,27 +124,15 @@ layer.E = { min = "1 kPa", max = "1 GPa" }
 """
 
 
-def test_a_file_of_a_package_is_read_and_fitted_by_its_names(tmp_path, monkeypatch, capsys):
+def test_a_file_of_a_package_is_read_and_fitted_by_its_names(done, tmp_path):
     depth = np.linspace(0.0, 1e-5, 60)
     force = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(2e6, 0.5))).force(depth)
     force = force + 1e-6 * np.random.default_rng(1).standard_normal(60)
     rows = "\n".join(f"{w:.9e} {P:.9e}" for w, P in zip(depth, force, strict=True))
     (tmp_path / "test.mine").write_text(f"my device\n{rows}\n", encoding="utf-8")
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
-    code, out, err = command(
-        monkeypatch,
-        capsys,
-        *(
-            "fit",
-            tmp_path / "test.mine",
-            "--scene",
-            tmp_path / "scene.toml",
-            "--output",
-            tmp_path / "out",
-            "--details",
-        ),
-    )
-    assert code == 0, err
+    words = ("--scene", tmp_path / "scene.toml", "--output", tmp_path / "out", "--details")
+    out = done("fit", tmp_path / "test.mine", *words)
     assert "TwiceHertz" in out or "half-space" in out
     assert ul.read(tmp_path / "test.mine").metadata["format"] == "my_device"
     fit = ul.fit(ul.load_problem(tmp_path / "test.mine", tmp_path / "scene.toml"))
@@ -165,9 +140,8 @@ def test_a_file_of_a_package_is_read_and_fitted_by_its_names(tmp_path, monkeypat
     assert fit.values["layer.E"] == pytest.approx(1e6, rel=1e-3)
 
 
-def test_what_packages_add_is_listed(monkeypatch, capsys):
-    code, out, _ = command(monkeypatch, capsys, "formats")
-    assert code == 0
+def test_what_packages_add_is_listed(done):
+    out = done("formats")
     for name in ("rounded", "twice_hertz", "my_device", "helpful 1.2"):
         assert name in out
     assert any("rounded_tip" in key.takes for key in scene_keys())
@@ -181,9 +155,8 @@ def test_a_plugged_solver_is_kept_in_files_by_its_name():
         solver_named("twice_hertz", speed=3.0)
 
 
-def test_the_faults_of_a_package_are_its_own(monkeypatch, capsys):
-    code, out, _ = command(monkeypatch, capsys, "formats")
-    assert code == 0
+def test_the_faults_of_a_package_are_its_own(done):
+    out = done("formats")
     said = " ".join(out.split())
     for fault in (
         "another indenter is called 'sphere'",

@@ -5,7 +5,6 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,6 @@ from support.populations import write_study
 from support.reports import write_result
 from support.timing import timed_once
 from test_help import examples
-from underlay.cli.app import main
 from underlay.data.export import curve_csv
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -51,17 +49,6 @@ def readme_scene():
     )
 
 
-def run(words, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", list(map(str, words)))
-    code = 0
-    try:
-        main()
-    except SystemExit as stop:
-        code = stop.code or 0
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Return a folder with the scene that the README prints, a curve of it, and its map."""
@@ -86,12 +73,11 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("words", list(commands()))
-def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
+def test_readme_command_works_as_printed(done, words, folder, monkeypatch):
     if any(word.startswith(EXCEPTED) for word in words):
         pytest.skip("needs other machines, a browser, the user's shell or the reader's words")
     timed_once(monkeypatch)
-    code, _, err = run(words, monkeypatch, capsys)
-    assert code == 0, err
+    done(*words[1:])
     for flag in ("--output", "--new-scene", "--new-notebook"):
         if flag in words:
             assert (folder / words[words.index(flag) + 1]).exists()
@@ -139,80 +125,58 @@ def printed(name):
     return re.search(rf"<!-- printed: {name} -->\n```text\n(.*?)```", README, re.DOTALL)[1]
 
 
-def test_the_readme_shows_what_its_command_prints(tmp_path, monkeypatch, capsys):
+def test_the_readme_shows_what_its_command_prints(done, tmp_path, monkeypatch):
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     line = next(line for line in fresh_lines() if line.startswith("underlay fit data_samples/gel_on_glass"))
-    code, out, err = run(shlex.split(line), monkeypatch, capsys)
-    assert code == 0, err
+    out = done(*shlex.split(line)[1:])
     assert out.strip("\n") == printed("gel_on_glass").strip("\n")
     assert len(out.strip("\n").splitlines()) <= 12
 
 
-def test_the_shares_that_hertz_is_off_by_are_those_that_are_printed(tmp_path, monkeypatch, capsys):
+def test_the_shares_that_hertz_is_off_by_are_those_that_are_printed(done, tmp_path, monkeypatch):
     (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     said = re.search(r"the gel on glass below by (\d+) %, the cartilage on bone by (\d+) %", README)
     for name, share in zip(("gel_on_glass", "cartilage_on_bone"), said.groups(), strict=True):
         scene = f"data_samples/{name}.toml"
-        code, out, err = run(
-            ["underlay", "fit", f"data_samples/{name}.csv", "--scene", scene], monkeypatch, capsys
-        )
-        assert code == 0, err
-        assert f"(+{share} %)" in out
+        assert f"(+{share} %)" in done("fit", f"data_samples/{name}.csv", "--scene", scene)
 
 
 @pytest.mark.parametrize(
     "sample", ["cartilage_on_bone", "chiaro_cell", "gel_on_glass", "soft_film_on_softer_base"]
 )
-def test_commands_answer_for_every_sample_scene(sample, tmp_path, monkeypatch, capsys):
+def test_commands_answer_for_every_sample_scene(done, sample, tmp_path):
     scene = tmp_path / "scene.toml"
     shutil.copy(SAMPLES / f"{sample}.toml", scene)
-    code, out, err = run(["underlay", "effects", scene], monkeypatch, capsys)
-    assert code == 0, err
-    assert "by default" in out
-    code, out, err = run(
-        ["underlay", "plan", scene, "--radii", "5 um:50 um:2", "--depths", "1 um:2 um:2"], monkeypatch, capsys
-    )
-    assert code == 0, err
-    assert "1% of the force" in out
-    code, out, err = run(["underlay", "identify", scene], monkeypatch, capsys)
-    assert code == 0, err
+    assert "by default" in done("effects", scene)
+    assert "1% of the force" in done("plan", scene, "--radii", "5 um:50 um:2", "--depths", "1 um:2 um:2")
+    done("identify", scene)
 
 
-def test_depth_and_noise_come_from_the_curve_that_the_scene_names(tmp_path, monkeypatch, capsys):
+def test_depth_and_noise_come_from_the_curve_that_the_scene_names(done, tmp_path):
     scene = tmp_path / "scene.toml"
     text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
     scene.write_text(text + '\n[curve]\nfile = "curve.csv"\n', encoding="utf-8")
     shutil.copy(SAMPLES / "cartilage_on_bone.csv", tmp_path / "curve.csv")
     grid = ["--radii", "0.5 mm:2 mm:2", "--depths", "0.1 mm:0.2 mm:2"]
-    code, named, err = run(["underlay", "effects", scene], monkeypatch, capsys)
-    assert code == 0, err
+    named = done("effects", scene)
     # Readings go to 0.3 mm and contact was at 14 um.
     assert "at 0.28" in named
     assert "by default" not in named
     shutil.copy(SAMPLES / "cartilage_on_bone.toml", scene)
-    code, given, err = run(
-        ["underlay", "effects", scene, "--curve", tmp_path / "curve.csv"], monkeypatch, capsys
-    )
-    assert code == 0, err
+    given = done("effects", scene, "--curve", tmp_path / "curve.csv")
     sizes = [
         line.split()[2] for line in (named, given) for line in line.splitlines() if "finite thickness" in line
     ]
     assert sizes[0] == sizes[1]
-    code, out, err = run(
-        ["underlay", "plan", scene, "--curve", tmp_path / "curve.csv", *grid], monkeypatch, capsys
-    )
-    assert code == 0, err
+    out = done("plan", scene, "--curve", tmp_path / "curve.csv", *grid)
     # The sample was made with 0.6 mN of white noise.
     assert 0.5 < float(re.search(r"noise ([\d.]+) mN, as the curve scatters", out).group(1)) < 0.7
 
 
-def test_a_named_curve_that_is_not_there_is_said(tmp_path, monkeypatch, capsys):
+def test_a_named_curve_that_is_not_there_is_said(refused, tmp_path):
     scene = tmp_path / "scene.toml"
     text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
     scene.write_text(text + '\n[curve]\nfile = "gone.csv"\n', encoding="utf-8")
-    code, _, err = run(["underlay", "effects", scene], monkeypatch, capsys)
-    assert code == 2
-    assert "gone.csv" in err
-    assert err.count("\n") == 1
+    assert "gone.csv" in refused("effects", scene)

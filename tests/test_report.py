@@ -11,7 +11,7 @@ import underlay as ul
 from support import real_data
 from support.inverse import ambiguous
 from support.real_data import real_file
-from support.reports import SAMPLES, joint_fit, page_text
+from support.reports import SAMPLES, joint_fit, page_text, sample_fit
 from underlay.data.curve import recorded
 from underlay.inference.batch.decisions import is_map, read_map
 from underlay.report import labels, limits, screen, tables
@@ -45,9 +45,9 @@ def test_names_for_people():
     assert labels.label("indenter.tilt") == "indenter.tilt"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def fit():
-    return ul.fit(ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"))
+    return sample_fit("cartilage_on_bone")
 
 
 def rejected():
@@ -94,14 +94,8 @@ def test_the_page_prints_the_numbers_of_the_fit(fit, tmp_path):
             f"systematic {one.reach}{one.systematic}" in text
         )
     assert "Good. The model describes the curve" in text
-    for part in (
-        "Curve and fit.",
-        "E by depth.",
-        "Uncertainty budget of E.",
-        "Methods paragraph",
-        "The test,",
-    ):
-        assert part in text
+    parts = ("Curve and fit.", "E by depth.", "Uncertainty budget of E.", "Methods paragraph", "The test,")
+    assert [part for part in parts if part not in text] == []
     entry = fit.provenance["curves"][0]
     assert f"SHA-256 {entry['file_sha256']}" in text
     assert entry["data_sha256"] in text
@@ -170,9 +164,7 @@ def test_every_scene_and_curve_of_a_joint_fit_is_there(tmp_path):
     ],
 )
 def test_relaxing_and_adhesive_samples_have_their_own_pictures(name, parts, pictures, tmp_path):
-    page = ul.report(
-        ul.fit(ul.load_problem(SAMPLES / f"{name}.csv", SAMPLES / f"{name}.toml")), tmp_path / "p.html"
-    )
+    page = ul.report(sample_fit(name), tmp_path / "p.html")
     text = page_text(page)
     assert [part for part in parts if part not in text] == []
     assert page.read_text(encoding="utf-8").count("<svg") >= pictures

@@ -32,13 +32,10 @@ def test_every_number_has_a_path():
 
 
 def test_values_are_replaced_in_a_new_scene():
-    other = CARTILAGE.with_values({"layer.E": 1e6, "layer.thickness": 1e-3, "indenter.radius": 2e-3})
+    changed = {"layer.E": 1e6, "layer.thickness": 1e-3, "indenter.radius": 2e-3}
+    other = CARTILAGE.with_values(changed)
     assert CARTILAGE.layer.material.E == 0.6e6
-    assert other.parameters == CARTILAGE.parameters | {
-        "layer.E": 1e6,
-        "layer.thickness": 1e-3,
-        "indenter.radius": 2e-3,
-    }
+    assert other.parameters == CARTILAGE.parameters | changed
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ from .report.tables import with_units as with_units
 from .report.review import write_review as write_review
 from .scene.discrepancy import Discrepancy as Discrepancy
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
-from .scene.effect_rules import Effect as Effect
+from .scene.effects import Effect as Effect
 from .scene.fit_range import FitRange as FitRange
 from .scene.instrument import Instrument as Instrument
 from .scene.instrument import Lever as Lever

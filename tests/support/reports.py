@@ -26,6 +26,12 @@ def small_posterior():
         return problem, ul.sample(problem, walkers=16, max_steps=300, rng=0)
 
 
+@functools.cache
+def sample_fit(name):
+    """The fit of a sample whose curve and scene have one name."""
+    return ul.fit(ul.load_problem(SAMPLES / f"{name}.csv", SAMPLES / f"{name}.toml"))
+
+
 def page_text(path):
     """Words of a page without its markup."""
     return text_in(path.read_text(encoding="utf-8"))

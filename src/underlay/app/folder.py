@@ -25,21 +25,6 @@ from underlay._files import require_own_folder, write_atomic
 from underlay._text import one_line
 from underlay.errors import InputError, UnderlayError
 
-__all__ = [
-    "LARGEST_FILE",
-    "MOST_FILES",
-    "RESULTS",
-    "AnalysisFolder",
-    "analyses",
-    "described",
-    "is_kept",
-    "keep",
-    "kept",
-    "new_analysis",
-    "safe_name",
-    "stem_of",
-]
-
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
 LARGEST_FILE, MOST_FILES, _MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
 #: The files of a curve's results by what made them: what stands in their names behind the curve's.
@@ -49,7 +34,8 @@ RESULTS: Mapping[str, tuple[str, ...]] = {
     "film": ("film", "film.depths"),
 }
 _TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
-_ANY = FileKind("a file of an analysis", _MOST_BYTES, "start a new analysis")
+#: Any file of an analysis.
+FILE = FileKind("a file of an analysis", _MOST_BYTES, "start a new analysis")
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
 # A name of a file may not lead anywhere, hide itself, or mean something to a shell or a spreadsheet.
 _ODD = re.compile(r"[^\w.()+,= -]|^[.=+\s-]+")
@@ -134,7 +120,7 @@ class AnalysisFolder:
         target = self.curves / safe_name(name)
         number = 2
         while target.exists():
-            if read_bytes(target, _ANY) == content:
+            if read_bytes(target, FILE) == content:
                 return target
             target = self.curves / f"{Path(safe_name(name)).stem}-{number}{Path(safe_name(name)).suffix}"
             number += 1
@@ -167,7 +153,7 @@ class AnalysisFolder:
     def read_result(self, name: str) -> bytes | None:
         """Return the content of a result file; None where there is none."""
         path = self.result(name)
-        return read_bytes(path, _ANY) if path.is_file() else None
+        return read_bytes(path, FILE) if path.is_file() else None
 
     def result_files(
         self, stem: str, suffixes: Collection[str], made_by: Collection[str] = tuple(RESULTS)

@@ -26,22 +26,6 @@ from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-__all__ = [
-    "ADVANCED",
-    "BASES",
-    "ELSEWHERE",
-    "PRESETS",
-    "Draft",
-    "Field",
-    "apart",
-    "draft_from",
-    "empty",
-    "help_of",
-    "in_the_form",
-    "preset",
-    "problem_with",
-]
-
 #: Samples to begin with: name of the file and what it is called.
 PRESETS: Mapping[str, str] = {
     "cartilage_on_bone": "Cartilage on bone",
@@ -69,36 +53,22 @@ ADVANCED: Mapping[str, str] = {
     "noise": "Noise level, where it is known",
     "solver": "Contact model",
 }
-_FILES, _HANDLES, _TEXT = (
-    "step 1, where the file is read",
-    "step 3, the handles of the curve",
-    "the test as text",
-)
 #: Keys that the form has no field for, and where the page has them.
-ELSEWHERE: Mapping[tuple[str, str], str] = {
-    ("substrate", "rigid"): "the choice of what lies under the layer",
-    ("curve", "file"): _FILES,
-    ("curve", "test"): _FILES,
-    ("curve", "format"): _FILES,
-    ("curve", "flip"): _FILES,
-    ("curve", "columns"): _FILES,
-    ("curve", "calibration"): _FILES,
-    ("curve", "min_depth"): _HANDLES,
-    ("curve", "max_depth"): _HANDLES,
-    ("instrument", "contact_depth"): _HANDLES,
-    (TOP, "uncertainties"): _TEXT,
-    (TOP, "assumed"): "the mark beside a number that nobody entered",
-    ("uncertainties", "PATH"): "beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm",
-}
+ELSEWHERE = frozenset(
+    {
+        ("substrate", "rigid"),  # the choice of what lies under the layer
+        # Step 1, where the file is read.
+        *(("curve", key) for key in ("file", "test", "format", "flip", "columns", "calibration")),
+        # Step 3, the handles of the curve.
+        *(("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth")),
+        (TOP, "uncertainties"),  # the test as text
+        (TOP, "assumed"),  # the mark beside a number that nobody entered
+        ("uncertainties", "PATH"),  # beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm
+    }
+)
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
 _HELP: Mapping[str, Mapping[str, str]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
-_CHOSEN_BY = {
-    "indenter": "shape",
-    "layer.relaxation": "model",
-    "layer.stiffening": "model",
-    "adhesion": "model",
-}
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _RATIO = "permeability_ratio"
 _INDEX = re.compile(r"\[(\d+)\]$")
@@ -173,7 +143,9 @@ class Draft:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document: dict[str, Any] = dict(document)
         self.document["fit"] = _flat(self.document.get("fit", {}))
-        self.document["assumed"] = list(map(str, _parts_of(self.document.get("assumed", []))))
+        if not isinstance(assumed := self.document.get("assumed", []), list):
+            raise InputError("assumed must be a list of numbers of the test")
+        self.document["assumed"] = list(map(str, assumed))
 
     @classmethod
     def of(cls, text: str) -> Draft:
@@ -245,8 +217,7 @@ class Draft:
         included.
         """
         declared = [key for key in scene_keys() if key.section == _INDEX.sub("", section)]
-        chosen_by = _CHOSEN_BY.get(section)
-        variant = self.get(section, chosen_by) if chosen_by else ""
+        variant = self.get(section, "shape" if section == "indenter" else "model")
         return [
             Field(
                 section,
@@ -287,15 +258,11 @@ class Draft:
 
     def add_layer(self) -> None:
         """Add a layer directly over the base, with values copied from the top layer and marked as assumed."""
+        usual = {"E": "1 MPa", "nu": 0.45, "thickness": "1 mm"}
         above = self.peek("layer")
-        self.table("substrate").setdefault("layers", []).append(
-            {
-                "E": above.get("E", "1 MPa"),
-                "nu": above.get("nu", 0.45),
-                "thickness": above.get("thickness", "1 mm"),
-            }
-        )
-        self._assume([*self.assumed, *(f"{self.between[-1]}.{name}" for name in ("E", "nu", "thickness"))])
+        layer = {name: above.get(name, value) for name, value in usual.items()}
+        self.table("substrate").setdefault("layers", []).append(layer)
+        self._assume([*self.assumed, *(f"{self.between[-1]}.{name}" for name in usual)])
 
     def remove_layer(self, section: str) -> None:
         """Remove the intermediate layer of that section."""
@@ -369,10 +336,9 @@ class Draft:
         The curve's file may still state the tip's radius. The layer's thickness is required unless there is no
         base.
         """
-        needed = not key.default or (section == "layer" and key.name == "thickness" and self.base != "none")
-        return (
-            needed and bool(key.kind) and not self.get(section, key.name) and section in ("indenter", "layer")
-        )
+        if section not in ("indenter", "layer") or not key.kind or self.get(section, key.name):
+            return False
+        return not key.default or (section == "layer" and key.name == "thickness" and self.base != "none")
 
     def _is_axial(self, section: str, key: SceneKey) -> bool:
         table = self.peek(section)
@@ -468,9 +434,8 @@ def problem_with(text: str, key: SceneKey) -> str:
         return str(error)
     if key.takes.startswith(_LIST):
         allowed = key.takes.removeprefix(_LIST).split(", ")
-        return (
-            "" if set(_parts(text)) <= set(allowed) else f"any of {', '.join(allowed)}, with commas between"
-        )
+        known = set(_parts(text)) <= set(allowed)
+        return "" if known else f"any of {', '.join(allowed)}, with commas between"
     return f"one of {', '.join(key.words)}" if key.words and text not in key.words and "{" not in text else ""
 
 
@@ -482,10 +447,9 @@ def in_the_form(message: str) -> str:
     >>> in_the_form("scene.toml: [layer] needs 'nu'")
     "The test misses Poisson's ratio of the layer: enter it in step 2."
     """
-    missing = _MISSING.match(message)
-    return (
-        f"The test misses {label(f'{missing[1]}.{missing[2]}')}: enter it in step 2." if missing else message
-    )
+    if missing := _MISSING.match(message):
+        return f"The test misses {label(f'{missing[1]}.{missing[2]}')}: enter it in step 2."
+    return message
 
 
 def _parts(text: str) -> list[str]:
@@ -497,12 +461,6 @@ def _value(text: str, kind: str) -> Any:
     """Return a dimensionless number as a float, as a file writes it without quotes; any other value as text."""
     found = _AMOUNT.fullmatch(text)
     return float(found[1]) if kind == "dimensionless" and found is not None and not found[2] else text
-
-
-def _parts_of(assumed: Any) -> list[Any]:
-    if not isinstance(assumed, list):
-        raise InputError("assumed must be a list of numbers of the test")
-    return assumed
 
 
 def _flat(fit: Any) -> dict[str, dict[str, Any]]:

@@ -19,20 +19,6 @@ from underlay._text import one_line, unguarded_cell
 from underlay.app.folder import AnalysisFolder
 from underlay.errors import InputError
 
-__all__ = [
-    "BARE",
-    "LABELS",
-    "comma_problem",
-    "curves_on_sample",
-    "label_columns",
-    "manifest_text",
-    "pairs_of",
-    "read_labels",
-    "set_label",
-    "take_manifest",
-    "write_labels",
-]
-
 # A comma with a digit on each side: of 0.45, of 45 thousand, or between 0 and 45.
 _COMMA = re.compile(r"\d*,\d+(?:,\d+)*")
 #: Columns that can be filled in on the page; a manifest that is brought may have others.

@@ -16,13 +16,13 @@ from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder, keep, kept
 from underlay.app.form import Draft
 from underlay.app.labels import BARE, curves_on_sample, label_columns, manifest_text, read_labels
-from underlay.app.shown import Card, Gallery, Overview, Progress, Together
+from underlay.app.shown import Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
 from underlay.errors import InputError
 from underlay.inference.batch.decisions import Decision, Decisions, read_decisions, read_map, without_refused
 from underlay.inference.batch.fit_many import fit_many
 from underlay.inference.batch.model import MapOptions
-from underlay.inference.batch.results_table import FITTED, write_frame
+from underlay.inference.batch.results_table import write_frame
 from underlay.inference.population.population import population
 from underlay.report import plots
 from underlay.report.maps import columns_to_draw, sample_parameters
@@ -30,18 +30,7 @@ from underlay.report.page import today
 from underlay.report.page_map import MapPage, together_block
 from underlay.report.plots.fit import Canvas, canvas
 from underlay.report.plots.map import map_unit
-from underlay.report.review import review_cards
-
-__all__ = [
-    "decide",
-    "gallery",
-    "judged_table",
-    "map_is_old",
-    "overview",
-    "population_before",
-    "run_map",
-    "show_population",
-]
+from underlay.report.review import Card, review_cards
 
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
@@ -283,18 +272,6 @@ def _cards(folder: AnalysisFolder) -> list[Card]:
             if kept["of"] == of.decode():
                 return [Card(**card) for card in kept["cards"]]
     table = read_map(folder.results / "map.csv")
-    fitted = set(table["name"][table["status"] == FITTED])
-    cards = [
-        Card(
-            card.name,
-            card.verdict,
-            card.reason,
-            card.numbers,
-            f"misfit {100.0 * card.misfit:.2g} % of the force" if card.misfit == card.misfit else "no fit",
-            card.picture,
-            card.name in fitted,
-        )
-        for card in review_cards(table, curves_on_sample(folder), folder.results / "map.scene.toml")
-    ]
+    cards = review_cards(table, curves_on_sample(folder), folder.results / "map.scene.toml")
     write_atomic(path, json.dumps({"of": of.decode(), "cards": [asdict(card) for card in cards]}))
     return cards

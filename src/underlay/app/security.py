@@ -21,8 +21,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from underlay.app.folder import LARGEST_FILE
 
-__all__ = ["Doorkeeper", "Guard"]
-
 # Browsers that were let in at one time; one more puts the first one out.
 _MOST_BROWSERS = 20
 # Room for the frame that a browser puts around several files.

@@ -18,8 +18,6 @@ from underlay.app.security import Doorkeeper, Guard
 from underlay.app.state import Home
 from underlay.app.work import load_ahead
 
-__all__ = ["serve"]
-
 _HOST = "127.0.0.1"
 _ICON = (
     "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect y='18' width='32' height='7' "

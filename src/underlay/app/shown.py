@@ -1,7 +1,6 @@
 """Results that a worker process sends to the page: dataclasses of plain values, which can be pickled.
 
-With them are functions on a curve before its fit: its quality (`quality_of`), and what its file says of the
-instrument (`facts_of`).
+With them is what the file of a curve says of the instrument (`facts_of`).
 """
 
 from __future__ import annotations
@@ -13,30 +12,9 @@ import numpy as np
 import pandas as pd
 
 from underlay.data.curve import Curve
-from underlay.data.quality import check_quality
 from underlay.report.plots.fit import Canvas
-from underlay.scene.scene_file import SceneFile
+from underlay.report.review import Card
 from underlay.units import format_quantity, printed
-
-__all__ = [
-    "Card",
-    "Film",
-    "Found",
-    "Gallery",
-    "Law",
-    "Look",
-    "Overview",
-    "Progress",
-    "Reading",
-    "Row",
-    "Sampled",
-    "Taken",
-    "Together",
-    "each_once",
-    "facts_of",
-    "printed_rows",
-    "quality_of",
-]
 
 #: A row of a table: texts by column.
 Row: TypeAlias = dict[str, str]
@@ -229,37 +207,6 @@ class Overview:
 
 
 @dataclass(frozen=True)
-class Card:
-    """One curve of the gallery.
-
-    Parameters
-    ----------
-    name, verdict, reason : str
-        As in the table of the map.
-    numbers : tuple of str
-        Fitted parameters as text.
-    misfit : str
-        Size of the misfit as text.
-    picture : str
-        SVG element, as made by `small_picture`.
-    fitted : bool
-        Whether there is a fit to accept.
-    decision, why : str
-        ``"accept"``, ``"refuse"`` or empty, and the reason.
-    """
-
-    name: str
-    verdict: str
-    reason: str
-    numbers: tuple[str, ...]
-    misfit: str
-    picture: str
-    fitted: bool
-    decision: str = ""
-    why: str = ""
-
-
-@dataclass(frozen=True)
 class Gallery:
     """One page of the gallery, worst curves first.
 
@@ -337,12 +284,6 @@ class Sampled:
 def each_once(*messages: str) -> tuple[str, ...]:
     """Return the messages without duplicates, in the order of their first occurrence."""
     return tuple(dict.fromkeys(messages))
-
-
-def quality_of(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
-    """Return the verdict on a curve before its fit, and the sentences that speak against it."""
-    quality = check_quality(curve, file.draft)
-    return quality.verdict, list(quality.reasons)
 
 
 def facts_of(curve: Curve) -> dict[str, str]:

@@ -26,8 +26,6 @@ from underlay.errors import InputError, UnderlayError
 from underlay.report.labels import label
 from underlay.scene.scene_file import SceneFile, scene_file_from_text
 
-__all__ = ["SAMPLES", "Home", "OpenAnalysis", "Snapshot", "changed", "said", "with_sample"]
-
 _NOTHING = "bring a file first, and pick the curve to look at"
 _CHANGED = {
     "fit.": "what is fitted",

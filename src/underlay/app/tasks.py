@@ -17,10 +17,9 @@ import numpy as np
 
 from underlay._door import sha256_of
 from underlay._files import write_atomic
-from underlay.app import many, takeaway
+from underlay.app import many, results
 from underlay.app.folder import AnalysisFolder, kept
 from underlay.app.labels import BARE, read_labels, set_label, take_manifest, write_labels
-from underlay.app.results import film_of, sample_posterior, tell_found
 from underlay.app.shown import (
     Film,
     Found,
@@ -35,16 +34,14 @@ from underlay.app.shown import (
     each_once,
     facts_of,
     printed_rows,
-    quality_of,
 )
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.contact_heights import thickness_of_heights
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve, recorded
-from underlay.data.readers import read_all
+from underlay.data.quality import check_quality
 from underlay.data.segments import LOADING
-from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError, gathered_warnings
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.file_facts import settle
@@ -56,12 +53,10 @@ from underlay.report import plots
 from underlay.report.limits import quality_doubts
 from underlay.report.plots.fit import LAW_STROKES, canvas, force_ends
 from underlay.report.plots.style import drawn
-from underlay.report.tables import format_name, reading_table, span
+from underlay.report.tables import curves_as_read, format_name, notes_of, reading_table, span
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, parse_quantity, printed
-
-__all__ = ["Analyst", "thickness_from_heights"]
 
 _THICKNESS = "thickness (m)"
 _PLACE = re.compile(r"([xy])\s*[(\[]\s*(\w+)\s*[)\]]")
@@ -153,7 +148,6 @@ def _contact(
     )
 
 
-_READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
 _Of = TypeVar("_Of", Film, Found, Sampled)
 
@@ -178,30 +172,24 @@ class Analyst:
     def read(self, name: str, _tell: Tell) -> Reading:
         """Read a curve file with the options of the scene, and report on it."""
         path = self._folder.curve_file(name)
-        stated = self._stated()
-        options = {key: stated[key] for key in _READING if key in stated}
         try:
             with gathered_warnings() as told:
-                curves = [flipped(curve, stated.get("flip") or ()) for curve in read_all(path, **options)]
+                curves = curves_as_read(path, self._stated())
         except UnderlayError as error:
             return Reading(name, refused=str(error))
         rows = reading_table(list(enumerate(curves, start=1)))
-        notes = [str(note) for curve in curves for note in curve.metadata.get("notes", ())]
         return Reading(
             name,
             format_name(curves[0]),
             recorded(curves[0]),
             facts_of(curves[0]),
             printed_rows(rows),
-            each_once(*notes, *told),
+            each_once(*notes_of(*curves), *told),
         )
 
     def curve(self, name: str, test: int, _tell: Tell) -> tuple[bytes, bytes]:
         """Draw a curve (test from 1) as PNG: force against indentation, and its segments against time."""
-        stated = self._stated()
-        options = {key: stated[key] for key in _READING if key in stated}
-        read = read_all(self._folder.curve_file(name), **options)[test - 1]
-        whole = flipped(read, stated.get("flip") or ())
+        whole = curves_as_read(self._folder.curve_file(name), self._stated())[test - 1]
         try:
             contact = find_contact(whole).depth
         except UnderlayError:
@@ -240,7 +228,8 @@ class Analyst:
         high = float(file.curve.get("max_depth", np.inf)) if high is None else high
         quality, notes = "", list[str]()
         if contact is None:
-            quality, notes = quality_of(curve, file)
+            found = check_quality(curve, file.draft)
+            quality, notes = found.verdict, list(found.reasons)
             contact = _first_contact(curve, file)
         extent = float(curve.depth.min()), float(curve.depth.max())
         ends = view or extent
@@ -297,7 +286,7 @@ class Analyst:
             quality_doubts(problem)
             result = least_squares_fit(problem)
         self._fit = (tested.of, result)
-        return tell_found(self._folder, tested, result, tell)
+        return results.tell_found(self._folder, tested, result, tell)
 
     def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
         """Return the selected curve's stored result of this class, if any, and whether the scene is unchanged."""
@@ -307,12 +296,12 @@ class Analyst:
 
     def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
         """Fit the moduli of a film to the contact stiffness of the selected curve; see `film_of`."""
-        return film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
+        return results.film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the selected curve, with at most `most` steps."""
         tested = Snapshot.now(self._folder)
-        return sample_posterior(self._folder, tested, self._part(tested), most, tell)
+        return results.sample_posterior(self._folder, tested, self._part(tested), most, tell)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve of the analysis; see `run_map`."""
@@ -363,26 +352,26 @@ class Analyst:
         found = kept(self._folder, now.stem, Found)
         is_map_old = many.map_is_old(self._folder)
         if found is None:
-            return Taken(now.text, takeaway.script(now.curve_name, {}), is_map_old=is_map_old)
-        script = takeaway.script(now.curve_name, found.values)
+            return Taken(now.text, results.script(now.curve_name, {}), is_map_old=is_map_old)
+        script = results.script(now.curve_name, found.values)
         return Taken(found.scene, script, found.of != now.of, is_map_old)
 
     def archive(self, _tell: Tell) -> bytes:
         """Return the analysis as a ZIP archive of files that repeat it."""
-        return takeaway.analysis_archive(self._folder, *self._of_fit())
+        return results.analysis_archive(self._folder, *self._of_fit())
 
     def excel(self, _tell: Tell) -> bytes:
         """Return the Excel file of the fit."""
-        return takeaway.workbook_of(self._fitted(self._of_fit()[1]))
+        return results.workbook_of(self._fitted(self._of_fit()[1]))
 
     def excel_of_all(self, _tell: Tell) -> bytes:
         """Return the Excel file of the map."""
-        return takeaway.map_workbook(self._folder)
+        return results.map_workbook(self._folder)
 
     def report(self, _tell: Tell) -> bytes:
         """Return the report of the fit as HTML."""
         tested = self._of_fit()[1]
-        return takeaway.report_page(self._folder, self._fitted(tested), tested.stem)
+        return results.report_page(self._folder, self._fitted(tested), tested.stem)
 
     def _of_fit(self) -> tuple[Found, Snapshot]:
         """Return the stored fit of the selected curve, and the scene and curve that were fitted.
@@ -392,7 +381,7 @@ class Analyst:
         InputError
             If there is none, or the curve's file has changed since.
         """
-        return takeaway.fitted_test(self._folder, Snapshot.now(self._folder))
+        return results.fitted_test(self._folder, Snapshot.now(self._folder))
 
     def _fitted(self, tested: Snapshot) -> Fit:
         """Return the fit of a snapshot; it is fitted again unless it is the one in memory."""

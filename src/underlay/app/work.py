@@ -26,8 +26,6 @@ from typing import Any, TypeVar
 from underlay.errors import UnderlayError
 from underlay.inference.batch.processes import start_of_a_process
 
-__all__ = ["Tell", "WorkError", "Worker", "load_ahead"]
-
 Tell = Callable[[Any], None]
 _Of = TypeVar("_Of")
 

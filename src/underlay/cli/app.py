@@ -54,8 +54,7 @@ def _say_version(asked: bool) -> None:
 @app.callback()
 def _whole(
     version: Annotated[
-        bool,
-        typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version."),
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Declare the options that precede any command."""

@@ -31,9 +31,11 @@ _FILE_WIDTH = 160
 _LONG = 40
 
 
-def say(text: str) -> None:
-    """Print lines of text; no part of it is interpreted as markup."""
-    Console(highlight=False).print("\n".join(map(one_line, text.split("\n"))), markup=False, soft_wrap=True)
+def say(*texts: str) -> None:
+    """Print lines of text; no part of them is interpreted as markup."""
+    for text in texts:
+        lines = "\n".join(map(one_line, text.split("\n")))
+        Console(highlight=False).print(lines, markup=False, soft_wrap=True)
 
 
 def say_error(text: str, steps: Sequence[str] = ()) -> None:
@@ -96,8 +98,12 @@ def write_out(folder: Path | None, files: Mapping[str, pd.DataFrame | Callable[[
     """Write tables and pictures into a folder by `write_all`, and print their paths; nothing without a folder."""
     from underlay.report.details import write_all
 
-    for written in [] if folder is None else write_all(folder, files):
-        say(f"wrote {written}")
+    say_written([] if folder is None else write_all(folder, files))
+
+
+def say_written(paths: Iterable[Path]) -> None:
+    """Print the paths of files that were written."""
+    say(*(f"wrote {path}" for path in paths))
 
 
 @contextmanager
@@ -123,5 +129,4 @@ def noted() -> Iterator[None]:
 
 def say_warnings(texts: list[str]) -> None:
     """Print each of the warnings once, as a note."""
-    for text in dict.fromkeys(texts):
-        say(f"note: {text}")
+    say(*(f"note: {text}" for text in dict.fromkeys(texts)))

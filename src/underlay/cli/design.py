@@ -25,7 +25,7 @@ from underlay.units import format_quantity, parse_quantity
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
     from underlay.scene.noise import NoiseModel
-    from underlay.scene.scene_file import SimulatedDepths
+    from underlay.scene.program import SimulatedDepths
 
 # A grid without being asked: a factor of five around the tip at hand, a tenth of the depth up to all of it.
 _TIP_FACTOR, _SHALLOWEST, _COUNT = 5.0, 0.1, 8
@@ -131,7 +131,7 @@ class _Test:
     @property
     def depths(self) -> SimulatedDepths:
         """The depth readings of [simulate], else a ramp of 200 points, a quarter of them before contact."""
-        from underlay.scene.scene_file import SimulatedDepths
+        from underlay.scene.program import SimulatedDepths
 
         if self.file.simulate is not None:
             return self.file.simulate
@@ -271,8 +271,7 @@ def accuracy(
     curve: options.CurveOption = None,
     output: options.OutputFolder = None,
     quick: Annotated[
-        bool,
-        typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds."),
+        bool, typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds.")
     ] = False,
 ) -> None:
     """Compare error and time of every contact model for a scene: of the force, the modulus and the posterior.

@@ -14,14 +14,13 @@ from rich.console import Console
 import underlay as ul
 from underlay._files import require_writable_folder
 from underlay.cli import options
-from underlay.cli.console import say, say_parts, say_table, say_warnings, write_out
+from underlay.cli.console import say, say_parts, say_table, say_warnings, say_written, write_out
 from underlay.data.samples import sample as sample_file
 from underlay.errors import InputError, gathered_warnings, installing
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from underlay.inference.benchmark import Scores
     from underlay.inference.compare import Comparison
 
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
@@ -75,15 +74,15 @@ def _show(result: ul.Fit, *, details: bool = False) -> None:
     """Print the result of a fit: numbers, verdict, next step, notes; with `details` all that stands behind them."""
     from underlay.report.screen import fit_lines
 
-    say("")
-    for text in fit_lines(result):
-        say(text)
+    say("", *fit_lines(result))
     if details:
         from underlay.report.details import fit_parts, pointwise_of
 
         say_parts(fit_parts(result, pointwise_of(result)))
     else:
-        say_warnings([str(note) for one in result.curves for note in one.metadata.get("notes", ())])
+        from underlay.report.tables import notes_of
+
+        say_warnings(notes_of(*result.curves))
 
 
 def demo(
@@ -104,9 +103,7 @@ def demo(
         say(f"\n{title}")
         _show(result)
         written += write_fit(result, folder, Path(curve).stem)
-    say("\nThe results are in:")
-    for path in written:
-        say(f"  {path}")
+    say("\nThe results are in:", *(f"  {path}" for path in written))
     say(f"\nNext: underlay fit CURVE --scene SCENE.toml (start from {sample_file(_SAMPLES[1][1])})")
 
 
@@ -128,9 +125,7 @@ def compare(
         bonds = ul.compare_bonds(problem) if faces else None
     say_table(_laws_shown(laws), f"{curve.name} under each contact model, best first")
     if bonds is not None:
-        say("Lower face of the layer")
-        for sentence in bonds_sentences(bonds):
-            say(f"  {sentence}")
+        say("Lower face of the layer", *(f"  {sentence}" for sentence in bonds_sentences(bonds)))
     say_warnings([*_on_the_best(laws), *notes])
     files = {f"{curve.stem}.laws.csv": laws.to_frame().reset_index()}
     write_out(output, files | ({} if bonds is None else {f"{curve.stem}.bonds.csv": bonds.to_frame()}))
@@ -165,12 +160,10 @@ def film(
     curve: options.CurveFile,
     scene: options.SceneOption = None,
     calibration: Annotated[
-        Path | None,
-        typer.Option(help="Test with the same tip on a sample of known modulus, for its area."),
+        Path | None, typer.Option(help="Test with the same tip on a sample of known modulus, for its area.")
     ] = None,
     known_modulus: Annotated[
-        str | None,
-        typer.Option(help='E / (1 - nu^2) of that sample, e.g. "165 GPa" of (001) silicon.'),
+        str | None, typer.Option(help='E / (1 - nu^2) of that sample, e.g. "165 GPa" of (001) silicon.')
     ] = None,
     depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
     depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
@@ -190,13 +183,11 @@ def film(
     scene = options.scene_for(scene, curve, "film")
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
-    for note in film_notes(found, perfect=calibration is None):
-        say(note)
+    say(*film_notes(found, perfect=calibration is None))
     if output is not None:
         from underlay.report.film_tables import write_film
 
-        for path in write_film(found, output, curve.stem):
-            say(f"wrote {path}")
+        say_written(write_film(found, output, curve.stem))
 
 
 def sample(
@@ -224,8 +215,7 @@ def sample(
         ),
     ] = None,
     model_error: Annotated[
-        bool,
-        typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
+        bool, typer.Option("--model-error", help="Sample the sizes of friction and finite strain too.")
     ] = False,
     details: options.Details = False,
 ) -> None:
@@ -259,9 +249,7 @@ def sample(
                 "force in [noise] of the scene file"
             )
         posterior = ul.sample(problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method)
-    say("")
-    for text in posterior_lines(posterior):
-        say(text)
+    say("", *posterior_lines(posterior))
     if details:
         from underlay.report.details import posterior_parts
 
@@ -271,17 +259,9 @@ def sample(
         notes.append(f"{named}: no bounds in [fit], so within ten times the range of the curve")
     say_warnings(notes)
     if output is not None:
-        draws = output / f"{curve.stem}.posterior.npz"
-        posterior.save(draws)
-        say(f"wrote {draws}")
-    write_out(
-        output,
-        {
-            f"{curve.stem}.posterior.csv": posterior.summary().rename_axis("parameter"),
-            f"{curve.stem}.corner.png": lambda: ul.plots.corner(posterior),
-            f"{curve.stem}.predictive.png": lambda: ul.plots.predictive(posterior),
-        },
-    )
+        from underlay.report.details import write_posterior
+
+        say_written(write_posterior(posterior, output, curve.stem))
 
 
 def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
@@ -340,7 +320,8 @@ def benchmark(
     say_table(
         scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
     )
-    _say_reasons(scores)
+    reasons = (f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason)
+    say(*dict.fromkeys(reasons))
     tables = {"benchmark.csv": scores.to_frame()}
     if program is None:
         law = solver or "auto"
@@ -349,10 +330,3 @@ def benchmark(
         say_table(tables["benchmark.references.csv"], f"{law}: force against the exact contact problem")
         say_table(tables["benchmark.finite_elements.csv"], f"{law}: force against finite elements")
     write_out(output, tables)
-
-
-def _say_reasons(scores: Scores) -> None:
-    """Print each reason why a curve has no estimate, once."""
-    reasons = [f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason]
-    for reason in dict.fromkeys(reasons):
-        say(reason)

@@ -42,8 +42,7 @@ def map_curves(
         str | None, typer.Option(help="Dask scheduler whose workers to use, e.g. tcp://10.0.0.1:8786.")
     ] = None,
     folders: Annotated[
-        str | None,
-        typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal."),
+        str | None, typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal.")
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Check the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
@@ -94,13 +93,7 @@ def map_curves(
     )
     try:
         table = ul.fit_many(
-            curves,
-            scene,
-            manifest=manifest,
-            workers=workers,
-            scheduler=scheduler,
-            output=path,
-            options=asked,
+            curves, scene, manifest=manifest, workers=workers, scheduler=scheduler, output=path, options=asked
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
@@ -156,11 +149,9 @@ def _show(table: pd.DataFrame) -> None:
     """Print the short text of a map, and up to ten failed curves with their reasons."""
     from underlay.report.screen import map_lines
 
-    for text in map_lines(table):
-        say(text)
     failed = table[table["status"] == "failed"]
-    for name, reason in zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True):
-        say(f"failed: {name}: {reason}")
+    shown = zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True)
+    say(*map_lines(table), *(f"failed: {name}: {reason}" for name, reason in shown))
     if len(failed) > _LISTED:
         say(f"and {len(failed) - _LISTED} more; see the column 'reason'")
 
@@ -215,11 +206,9 @@ def population(
     result = ul.population(
         table, levels, parameter, group=group, doubtful=doubtful, tails=tails, shared_error=shared_error
     )
-    for text in population_lines(result):
-        say(text)
+    say(*population_lines(result))
     if details:
-        for sentence in result.sentences():
-            say(sentence)
+        say(*result.sentences())
         for frame, title in zip(population_tables(result), ("Groups", "Ratios"), strict=False):
             say_table(frame, title)
     if excel is not None:

@@ -39,8 +39,7 @@ Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same se
 MaxDepth = Annotated[
     str | None,
     typer.Option(
-        "--max-depth",
-        help='Maximum indentation, e.g. "100 um"; else that of the curve or of [simulate].',
+        "--max-depth", help='Maximum indentation, e.g. "100 um"; else that of the curve or of [simulate].'
     ),
 ]
 SolverName = Annotated[
@@ -51,8 +50,7 @@ SolverName = Annotated[
     ),
 ]
 Rtol = Annotated[
-    float | None,
-    typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6."),
+    float | None, typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6.")
 ]
 
 
@@ -218,10 +216,7 @@ def _excel_path(path: Path | None) -> Path | None:
 OutputFolder = Annotated[
     Path | None,
     typer.Option(
-        "--output",
-        "-o",
-        callback=_ready_folder,
-        help="Folder for tables, JSON and pictures; made if absent.",
+        "--output", "-o", callback=_ready_folder, help="Folder for tables, JSON and pictures; made if absent."
     ),
 ]
 

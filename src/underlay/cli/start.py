@@ -25,8 +25,6 @@ from underlay.cli.console import say, say_table, say_warnings, write_out
 from underlay.errors import FileAccessError, InputError, UnderlayError, missing_extra
 from underlay.units import format_quantity, human_unit
 
-# What a scene file may say of how a file is read; which test of it is one more.
-_READING = ("format", "columns", "calibration")
 _SHAPES = {
     "sphere": "sphere",
     "ball": "sphere",
@@ -87,8 +85,7 @@ def formats(
 
     Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
-    from underlay.data.signs import flipped
-    from underlay.report.tables import format_name, reading_table
+    from underlay.report.tables import curves_as_read, format_name, notes_of, reading_table
     from underlay.scene.scene_file import PLACE, read_scene_file
 
     if file is None:
@@ -98,7 +95,7 @@ def formats(
         return
     stated = {} if scene is None else dict(read_scene_file(scene).curve)
     try:
-        read = ul.read_all(file, **{key: stated[key] for key in _READING if key in stated})
+        curves = curves_as_read(file, stated)
     except InputError as error:
         if new_scene is None or isinstance(error, FileAccessError):
             raise
@@ -106,13 +103,9 @@ def formats(
         _write_new(new_scene, file, [], str(error))
         say(f"Next: say in its [curve] section what the columns are, and replace every {PLACE}")
         return
-    # The signs are shown as they are: only what the scene turns is turned.
-    curves = [flipped(curve, stated.get("flip") or ()) for curve in read]
     chosen = _chosen(curves, test if test is not None else stated.get("test"), file)
     say_table(reading_table(chosen), f"{file.name}, format {format_name(chosen[0][1])}")
-    say_warnings(
-        list(dict.fromkeys(str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())))
-    )
+    say_warnings(notes_of(*(curve for _, curve in chosen)))
     if new_scene is not None:
         _write_new(new_scene, file, chosen)
         say(f"Next: replace every {PLACE} in {new_scene}; underlay keys lists what may stand there")
@@ -139,11 +132,7 @@ def _list_formats() -> None:
     from underlay.data.readers import all_formats
 
     rows = [
-        {
-            "format": entry.name,
-            "needs": f".[{entry.extra}]" if entry.extra else "",
-            "what": entry.description,
-        }
+        {"format": entry.name, "needs": f".[{entry.extra}]" if entry.extra else "", "what": entry.description}
         for entry in all_formats()
     ]
     say_table(pd.DataFrame(rows), "Formats")

@@ -34,8 +34,7 @@ from underlay.inference.sampling.run import sample
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Exact, as_solver
 from underlay.scene.accuracy_cost import compared_solvers
-from underlay.scene.effect_rules import Effect
-from underlay.scene.effects import effects_in
+from underlay.scene.effects import Effect, effects_in
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 

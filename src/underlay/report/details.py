@@ -458,6 +458,21 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     ]
 
 
+def write_posterior(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
+    """Write the draws, their summary (CSV) and the pictures of a posterior; return the paths of the files.
+
+    They begin with `stem`.
+    """
+    draws = folder / f"{stem}.posterior.npz"
+    posterior.save(draws)
+    files: dict[str, pd.DataFrame | Callable[..., Axes]] = {
+        "posterior.csv": posterior.summary().rename_axis("parameter"),
+        "corner.png": partial(plots.corner, posterior),
+        "predictive.png": partial(plots.predictive, posterior),
+    }
+    return [draws, *write_all(folder, {f"{stem}.{name}": what for name, what in files.items()})]
+
+
 def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[..., Axes]]) -> list[Path]:
     """Write files into a folder by name: tables as CSV, functions as the pictures they draw; return the paths."""
     return [

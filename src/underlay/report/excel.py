@@ -327,11 +327,7 @@ def _of_map(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     if not {"name", "status", "verdict"} <= set(table.columns):
         raise InputError("this is no table of a map: it lacks name, status or verdict")
     which = [name for name in _WHICH if name in table.columns]
-    return {
-        "results": table,
-        "settings": _VERSION,
-        "curves": table[which],
-    }
+    return {"results": table, "settings": _VERSION, "curves": table[which]}
 
 
 def _of_depths(found: PointwiseModulus) -> pd.DataFrame:

@@ -14,10 +14,7 @@ import pandas as pd
 
 from underlay._text import one_line
 from underlay.errors import InputError
-from underlay.inference.batch.decisions import (
-    ACCEPT,
-    REFUSE,
-)
+from underlay.inference.batch.decisions import ACCEPT, REFUSE
 from underlay.inference.batch.results_table import FITTED, fitted_names, standard_errors
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.uncertainty.answer import NORMAL_95, Advice

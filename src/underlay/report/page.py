@@ -52,6 +52,8 @@ _SHAPES = {
     "reject": "\N{BLACK UP-POINTING TRIANGLE}",
 }
 _INCH = 25.4
+#: Millimetres: the curve on a sheet of A4, beside the drawing of the test.
+CURVE = (126.0, 86.0)
 # Millimetres: the drawing of the test, and a picture of its own line.
 _DRAWING, _WIDE = (54.0, 58.0), (150.0, 75.0)
 # Numbers in the headline, and letters above which the first is set smaller.

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.uncertainty.answer import Answer
 
-# Millimetres: the curve, and the two pictures side by side, as on a sheet of A4.
-_CURVE, _HALF = (126.0, 86.0), (90.0, 68.0)
+# Millimetres: two pictures side by side on a sheet of A4.
+_HALF = (90.0, 68.0)
 # Share of the variance below which an assumption is no advice.
 _WORTH = 0.02
 
@@ -113,7 +113,7 @@ class FitPage(page.Page[Fit]):
         if self.half_space is not None:
             caption = f"{caption} {screen.half_space_words(fit, self.half_space)}."
         alt = "Force against indentation with the fit, and the residuals below."
-        return page.figure(details.Picture(f"fit {number}", draw, alt, "Curve and fit.", caption), _CURVE)
+        return page.figure(details.Picture(f"fit {number}", draw, alt, "Curve and fit.", caption), page.CURVE)
 
     def _depths(self) -> str:
         pictures, found = details.pictures_of(self.result), self.by_depth[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from underlay.inference.sampling.posterior import Posterior
 from underlay.report import page, plots
@@ -14,11 +13,6 @@ from underlay.report.labels import is_of_the_sample
 from underlay.report.limits import distinct_scenes
 from underlay.report.methods import sample_words, tip_words
 
-if TYPE_CHECKING:
-    pass
-
-# Millimetres: the curve with its bands.
-_CURVE = (126.0, 86.0)
 _BLUE = "Blue: the draws, with the regions that hold 68 and 95 %. Orange: what was known before the test."
 _MISSING = (
     "The test is not shown: this posterior does not hold its scene ({missing}). With the curve and the scene file "
@@ -52,7 +46,7 @@ class PosteriorPage(page.Page[Posterior]):
         post = self.result
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         curves = () if post.problem is None else post.problem.curves
-        first = page.figure(predicted(post, 0), _CURVE) if post.predictive else ""
+        first = page.figure(predicted(post, 0), page.CURVE) if post.predictive else ""
         alt = "Corner plot: the distribution of every parameter and of every pair."
         # Thousands of draws: as pixels.
         return self.with_foot(

@@ -32,7 +32,7 @@ from underlay.mechanics.solvers import Auto, as_solver
 from underlay.report.labels import label, start
 from underlay.report.maps import errors_in_words, sample_parameters
 from underlay.report.page import document, tag, words
-from underlay.report.plots.style import unit_of
+from underlay.report.plots.style import BEFORE, unit_of
 from underlay.report.screen import interval_text
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -43,8 +43,6 @@ from underlay.units import format_quantity
 _WIDTH, _CURVE, _GAP, _STRIP = 250, 120, 30, 34
 _LEFT, _TOP, _BOTTOM = 8, 14, 16
 _MOST_POINTS = 160
-# Share of the contact that is drawn of the flat part before it.
-_BEFORE = 0.35
 # A picture of 120 pixels needs no finer law.
 _RTOL = 1e-3
 # Pieces of a curve over which residuals are averaged, so that noise is small beside misfit.
@@ -80,7 +78,7 @@ def small_picture(curve: Small, alt: str) -> str:
     shown = np.isfinite(curve.depth) & np.isfinite(curve.force)
     deepest = float(curve.depth[shown].max(initial=0.0))
     if math.isfinite(curve.contact):
-        shown &= curve.depth >= curve.contact - _BEFORE * (deepest - curve.contact)
+        shown &= curve.depth >= curve.contact - BEFORE * (deepest - curve.contact)
     if not shown.any():
         return f'<svg role="img" aria-label="{alt}: no points" width="{_WIDTH}" height="20"></svg>'
     index = np.flatnonzero(shown)[:: max(1, int(np.count_nonzero(shown)) // _MOST_POINTS)]
@@ -143,26 +141,36 @@ class Card:
         As in the table of the map.
     numbers : tuple of str
         Fitted parameters as text.
-    misfit : float
-        Root mean square of the residuals, averaged over pieces of the curve, relative to the range of the force.
+    misfit : float or None
+        Root mean square of the residuals, averaged over pieces of the curve, relative to the range of the force;
+        None without a fit.
     picture : str
         SVG element.
-    decision : str
-        Decision by hand as text; empty for none.
+    fitted : bool
+        Whether there is a fit to accept.
+    decision, why : str
+        ``"accept"``, ``"refuse"`` or empty, and the reason.
     """
 
     name: str
     verdict: str
     reason: str
     numbers: tuple[str, ...]
-    misfit: float
+    misfit: float | None
     picture: str
-    decision: str
+    fitted: bool
+    decision: str = ""
+    why: str = ""
 
     @property
     def badness(self) -> tuple[int, float]:
         """Key that sorts the gallery worst first: rank of the verdict, then minus the misfit."""
-        return _ORDER.get(self.verdict, 1), -(self.misfit if math.isfinite(self.misfit) else math.inf)
+        return _ORDER.get(self.verdict, 1), -(math.inf if self.misfit is None else self.misfit)
+
+    @property
+    def misfit_words(self) -> str:
+        """Size of the misfit as text."""
+        return "no fit" if self.misfit is None else f"misfit {100.0 * self.misfit:.2g} % of the force"
 
 
 def write_review(
@@ -218,7 +226,9 @@ def write_review(
         {
             "curve": [card.name for card in cards],
             "verdict": [card.verdict for card in cards],
-            "misfit (% of the force)": [round(100.0 * card.misfit, 3) for card in cards],
+            "misfit (% of the force)": [
+                math.nan if card.misfit is None else round(100.0 * card.misfit, 3) for card in cards
+            ],
             "number in the gallery": np.arange(1, len(cards) + 1),
         }
     )
@@ -270,7 +280,7 @@ def _card(
 ) -> Card:
     name, verdict = str(row["name"]), str(row["verdict"])
     reason = one_line(row["reason"] if isinstance(row["reason"], str) else "", _LONGEST_REASON)
-    drawn, misfit = Small(np.zeros(0), np.zeros(0)), math.nan
+    drawn, misfit = Small(np.zeros(0), np.zeros(0)), None
     try:
         curve = read_place(place, file)
         drawn = Small(curve.depth, curve.force)
@@ -279,6 +289,7 @@ def _card(
     except UnderlayError as error:
         reason = reason or one_line(error, _LONGEST_REASON)
     decided = decisions.by_curve.get(name)
+    by_hand = ("", "") if decided is None else (decided.word, decided.reason)
     return Card(
         name,
         verdict,
@@ -286,7 +297,8 @@ def _card(
         tuple(_numbers(row)),
         misfit,
         small_picture(drawn, html.escape(f"{one_line(name, 80)}: force against depth")),
-        "" if decided is None else f"{decided.word}: {decided.reason}".rstrip(": "),
+        row["status"] == FITTED,
+        *by_hand,
     )
 
 
@@ -351,12 +363,12 @@ def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
 
 
 def _article(card: Card, number: int) -> str:
-    misfit = f"misfit {100.0 * card.misfit:.2g} % of the force" if math.isfinite(card.misfit) else "no fit"
-    parts = [tag("p", words(line)) for line in (*card.numbers, f"{card.verdict}; {misfit}")]
+    parts = [tag("p", words(line)) for line in (*card.numbers, f"{card.verdict}; {card.misfit_words}")]
     if card.reason:
         parts.append(tag("p", words(card.reason), kind="why"))
     if card.decision:
-        parts.append(tag("p", tag("b", words(f"decided: {card.decision}"))))
+        decided = f"decided: {card.decision}: {card.why}".rstrip(": ")
+        parts.append(tag("p", tag("b", words(decided))))
     head = tag("h2", words(f"{number}. {one_line(card.name, 120)}"))
     return tag(
         "article", head, card.picture, *parts, kind=card.verdict if card.verdict in _ORDER else "check"

@@ -19,8 +19,9 @@ import pandas as pd
 
 from underlay._door import sha256_of
 from underlay._text import one_line
-from underlay.data.readers import all_formats
+from underlay.data.readers import all_formats, read_all
 from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.signs import flipped
 from underlay.inference.from_files import whole_curve
 from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
@@ -33,6 +34,8 @@ from underlay.scene.parameters import declared, kind_of
 from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from underlay._arrays import FloatArray
     from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
@@ -137,12 +140,15 @@ def fit_table(result: Fit) -> pd.DataFrame:
             {
                 "parameter": name,
                 "value": known.value / factor,
-                "low": known.low / factor,
-                "high": known.high / factor,
-                "stat low": known.statistical.low / factor,
-                "stat high": known.statistical.high / factor,
-                "syst low": known.systematic.low / factor,
-                "syst high": known.systematic.high / factor,
+                **{
+                    f"{part}{end}": getattr(interval, end) / factor
+                    for part, interval in (
+                        ("", known),
+                        ("stat ", known.statistical),
+                        ("syst ", known.systematic),
+                    )
+                    for end in ("low", "high")
+                },
                 "unit": unit,
                 "half width (%)": 100.0 * abs(half / known.value) if known.value else np.nan,
                 "at bound": result.bounds_hit.get(name, ""),
@@ -295,11 +301,7 @@ def _noise_text(noise: NoiseModel) -> str:
 
 def reservations_table(result: Fit) -> pd.DataFrame:
     """Return the reservations about a fit, one row each: from the file reader, then the curves, then the fit."""
-    rows = [
-        {"from": "reading the file", "reservation": str(note)}
-        for curve in result.curves
-        for note in curve.metadata.get("notes", ())
-    ]
+    rows = [{"from": "reading the file", "reservation": note} for note in notes_of(*result.curves)]
     doubts = quality_doubts(result.problem, require=False)
     rows += [{"from": "the curve", "reservation": reason} for reason in doubts]
     rows += [{"from": "the fit", "reservation": warning.message} for warning in result.warnings]
@@ -363,6 +365,20 @@ def format_name(curve: Curve) -> str:
     name = str(curve.metadata["format"])
     described = next((entry.description for entry in all_formats() if entry.name == name), "")
     return name + (f" ({described})" if described else "")
+
+
+def curves_as_read(path: Path, stated: Mapping[str, Any]) -> list[Curve]:
+    """Return every curve of a file, read as a scene file's section ``[curve]`` states, before its signs are judged.
+
+    Only the signs that the section turns (``flip``) are turned, so that a table shows the file as it is.
+    """
+    options = {key: stated[key] for key in ("format", "columns", "calibration") if key in stated}
+    return [flipped(curve, stated.get("flip") or ()) for curve in read_all(path, **options)]
+
+
+def notes_of(*curves: Curve) -> list[str]:
+    """Return what the reader of their files remarked on curves."""
+    return [str(note) for curve in curves for note in curve.metadata.get("notes", ())]
 
 
 def reading_table(tests: Sequence[tuple[int, Curve]]) -> pd.DataFrame:

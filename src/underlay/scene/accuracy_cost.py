@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -28,11 +27,6 @@ from underlay.mechanics.published import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfSpace, Published, as_solver
 from underlay.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from underlay.scene.scene import Scene
-
-__all__ = ["accuracy_cost", "compared_solvers", "explicit_formula"]
 
 # The law relative to which errors are measured.
 _REFERENCE = Exact(1e-12)
@@ -56,11 +50,7 @@ class _Trial:
 
 
 def accuracy_cost(
-    scene: Scene,
-    depth: ArrayLike,
-    *,
-    solvers: Iterable[AnySolver] | None = None,
-    rounds: int = _ROUNDS,
+    scene: Scene, depth: ArrayLike, *, solvers: Iterable[AnySolver] | None = None, rounds: int = _ROUNDS
 ) -> pd.DataFrame:
     """Compute one curve by every solver, with the error and the time of each.
 
@@ -253,11 +243,6 @@ def _error(
 
 def _pareto(error: pd.Series[float], cost: pd.Series[float]) -> pd.Series[bool]:
     """Whether no other row has both a smaller error and a smaller cost."""
-    best = np.inf
-    front = pd.Series(data=False, index=error.index)
-    known = error.notna()
-    for index in cost[known].sort_values().index:
-        if error[index] < best:
-            best = error[index]
-            front[index] = True
-    return front
+    by_cost = error[cost[error.notna()].sort_values().index]
+    least_before = by_cost.cummin().shift(fill_value=np.inf)
+    return (by_cost < least_before).reindex(error.index, fill_value=False)

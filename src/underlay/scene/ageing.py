@@ -16,8 +16,6 @@ from underlay.mechanics.solver import Solver
 from underlay.mechanics.viscoelastic.elastic_base import QuasiElastic, punch_relaxation, stated_error
 from underlay.mechanics.viscoelastic.history import Viscoelastic
 
-__all__ = ["Ageing", "ageing_response", "is_punched", "refusal"]
-
 # Largest tolerance of the laws of a punch, whose relaxation is exact: a rational function is fitted to them to
 # 1e-8.
 _FINE = 1e-9

@@ -25,8 +25,6 @@ from underlay.mechanics.discrepancy import (
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Part, field_quantities, quantity
 
-__all__ = ["BOTH_PATH", "FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy"]
-
 #: Paths of the three numbers s, A and B.
 FRICTION_PATH, FINITE_STRAIN_PATH = "discrepancy.friction", "discrepancy.finite_strain"
 BOTH_PATH = "discrepancy.friction_in_large_strains"
@@ -93,9 +91,5 @@ class Discrepancy(Part):
             return friction_in_large_strains(contact, stuck, slides, depth)
 
         return DiscrepantLaw.of(
-            free,
-            sticks,
-            (self.friction, self.finite_strain, self.friction_in_large_strains),
-            excess,
-            further,
+            free, sticks, (self.friction, self.finite_strain, self.friction_in_large_strains), excess, further
         )

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from underlay.errors import InputError
 from underlay.units import format_quantity, parse_quantity
 
-__all__ = ["PRESETS", "FitRange", "Mark"]
-
 # Quantities of which an end of a range may be a share or a multiple, and the pattern of such an end.
 _OF = ("force", "depth", "thickness", "radius")
 _RELATIVE = re.compile(

@@ -21,33 +21,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Self, TypeAlias
+from typing import ClassVar, Self
 
 import numpy as np
 
-from underlay._arrays import FloatArray, finite
+from underlay._arrays import FloatArray, PerSet, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.response import Response
 from underlay.quantities import Part, field_quantities, quantity
 from underlay.units import KINDS
 
-__all__ = [
-    "FURTHER",
-    "SENSITIVITY_RATIO",
-    "SPRING_CONSTANT",
-    "SPRING_CONSTANT_RATIO",
-    "Baseline",
-    "BaselineSlope",
-    "Chain",
-    "ContactDepth",
-    "ForceLink",
-    "Frame",
-    "Instrument",
-    "Lever",
-]
-
-#: One number, or one for each set, (sets, 1).
-PerSet: TypeAlias = float | FloatArray
 # Largest number of steps of Newton's method: from the stiff side of a convex function it converges monotonically,
 # far sooner.
 _MAX_STEPS = 50

@@ -36,8 +36,6 @@ from underlay.errors import InputError
 from underlay.quantities import Part, field_quantities, no_number, quantity
 from underlay.units import KINDS
 
-__all__ = ["LowRankNoise", "Noise", "NoiseModel", "ar1_coefficients", "ar1_sample", "ar1_whiten"]
-
 
 class NoiseModel(Part, ABC):
     """Model of the noise of a force reading; its numbers have paths ``noise.*``, and any of them may be free."""

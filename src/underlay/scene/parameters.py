@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 
 from underlay.errors import ParameterError
 from underlay.mechanics.adhesion import Adhesion
@@ -24,52 +23,26 @@ from underlay.scene.noise import Noise
 
 __all__ = ["DECLARING", "declared", "fields_meant", "hint", "kind_of", "unknown_parameter"]
 
-# Names from papers and instruments, in lower case without spaces or underscores, and the fields they are.
-_SYNONYMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "modulus": ("E",),
-        "youngsmodulus": ("E",),
-        "youngmodulus": ("E",),
-        "young": ("E",),
-        "elasticmodulus": ("E",),
-        "emodulus": ("E",),
-        "poisson": ("nu",),
-        "poissonratio": ("nu",),
-        "poissonsratio": ("nu",),
-        "v": ("nu",),
-        "shearmodulus": ("G_axial",),
-        "h": ("thickness",),
-        "height": ("thickness",),
-        "t": ("thickness",),
-        "r": ("radius",),
-        "tipradius": ("radius",),
-        "diameter": ("radius",),
-        "angle": ("half_angle",),
-        "openingangle": ("half_angle",),
-        "springconstant": ("compliance",),
-        "cantileverstiffness": ("compliance",),
-        "framestiffness": ("compliance",),
-        "framecompliance": ("compliance",),
-        "contactpoint": ("contact_depth",),
-        "zero": ("contact_depth",),
-        "offset": ("baseline",),
-        "forceoffset": ("baseline",),
-        "tilt": ("baseline_slope",),
-        "type": ("shape",),
-        "geometry": ("shape",),
-        "lower": ("min",),
-        "low": ("min",),
-        "upper": ("max",),
-        "high": ("max",),
-        "std": ("sd",),
-        "sigma": ("sd", "force"),
-        "rms": ("force",),
-        "white": ("force",),
-        "tolerance": ("rtol",),
-        "accuracy": ("rtol",),
-        "law": ("method",),
-    }
-)
+# Fields, and names for them from papers and instruments, in lower case without spaces or underscores.
+_SYNONYMS: Mapping[str, tuple[str, ...]] = {
+    "E": ("modulus", "youngsmodulus", "youngmodulus", "young", "elasticmodulus", "emodulus"),
+    "nu": ("poisson", "poissonratio", "poissonsratio", "v"),
+    "G_axial": ("shearmodulus",),
+    "thickness": ("h", "height", "t"),
+    "radius": ("r", "tipradius", "diameter"),
+    "half_angle": ("angle", "openingangle"),
+    "compliance": ("springconstant", "cantileverstiffness", "framestiffness", "framecompliance"),
+    "contact_depth": ("contactpoint", "zero"),
+    "baseline": ("offset", "forceoffset"),
+    "baseline_slope": ("tilt",),
+    "shape": ("type", "geometry"),
+    "min": ("lower", "low"),
+    "max": ("upper", "high"),
+    "sd": ("std", "sigma"),
+    "force": ("sigma", "rms", "white"),
+    "rtol": ("tolerance", "accuracy"),
+    "method": ("law",),
+}
 # How the number has to be converted for that name, in words.
 _CHANGES = {
     "diameter": "half of it",
@@ -85,7 +58,7 @@ def fields_meant(name: str, allowed: Iterable[str]) -> tuple[str, ...]:
     fields = tuple(allowed)
     word = _plain(name)
     same = tuple(field for field in fields if _plain(field) == word)
-    known = tuple(field for field in _SYNONYMS.get(word, ()) if field in fields)
+    known = tuple(field for field, names in _SYNONYMS.items() if word in names and field in fields)
     by_word = {_plain(field): field for field in fields}
     near = difflib.get_close_matches(word, by_word, n=1)
     return same or known or tuple(by_word[match] for match in near)

@@ -13,8 +13,6 @@ from underlay.errors import InputError
 from underlay.quantities import one_of, quantity, takes
 from underlay.scene.scene import Scene
 
-__all__ = ["Program", "SimulatedDepths", "default_depth"]
-
 # Of `default_depth`: contact radius over the thickness (a contact as wide as the layer is thick, where the
 # substrate affects the force and strains are small); largest depth over the thickness, or over a tip's radius on a
 # half-space; depth (m) for a tip without a length, such as a cone.

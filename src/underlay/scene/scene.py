@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -34,8 +35,17 @@ from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 from underlay.scene.uncertainties import checked
 
-__all__ = ["Scene", "bond_of", "faces", "has_face", "unknown_faces", "with_bond"]
-
+# Classes of the parts of a scene, and what to give.
+_PARTS: Mapping[str, tuple[Any, str]] = {
+    "indenter": (Indenter, "an Indenter such as Sphere(radius)"),
+    "layer": (Layer, "Layer(material, thickness)"),
+    "substrate": (Body | None, "a material, rigid, a Stack or None"),
+    "instrument": (Instrument, "an Instrument"),
+    "adhesion": (Adhesion | None, "JKR(work), DMT(work) or None"),
+    "history": (History | None, "a History or None"),
+    "lever": (Lever | None, "a Lever or None"),
+    "discrepancy": (Discrepancy | None, "a Discrepancy or None"),
+}
 # First and largest depth (m) of the law that is tried for a given force, and the largest factor between two tries.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
 
@@ -106,15 +116,9 @@ class Scene:
     drainage: str | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.indenter, Indenter):
-            raise InputError(f"indenter must be an Indenter such as Sphere(radius); got {self.indenter!r}")
-        if not isinstance(self.layer, Layer):
-            raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
-        if not isinstance(self.substrate, Body | None):
-            raise InputError(f"substrate must be a material, rigid, a Stack or None; got {self.substrate!r}")
-        if not isinstance(self.instrument, Instrument):
-            raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
-        _check_optional(self)
+        for name, (kinds, wanted) in _PARTS.items():
+            if not isinstance(part := getattr(self, name), kinds):
+                raise InputError(f"{name} must be {wanted}; got {part!r}")
         _check_drainage(self)
         as_friction(self.friction)
         if self.finite_strain not in (None, True, False):
@@ -362,18 +366,6 @@ def _law_to(scene: Scene, reach: float, solver: Solver) -> ContactLaw:
         if error.max_depth is None or error.max_depth >= reach:
             raise
         return scene.contact_law(error.max_depth, solver=solver)
-
-
-def _check_optional(scene: Scene) -> None:
-    """Raise InputError for an optional part of the wrong class."""
-    for part, kind, example in (
-        (scene.adhesion, Adhesion, "adhesion must be JKR(work), DMT(work)"),
-        (scene.history, History, "history must be a History"),
-        (scene.lever, Lever, "lever must be a Lever"),
-        (scene.discrepancy, Discrepancy, "discrepancy must be a Discrepancy"),
-    ):
-        if part is not None and not isinstance(part, kind):
-            raise InputError(f"{example} or None; got {part!r}")
 
 
 def _check_drainage(scene: Scene) -> None:

@@ -12,8 +12,6 @@ from underlay.quantities import field_quantities, numbers_of
 from underlay.scene.uncertainties import StatedUncertainties, written
 from underlay.units import KINDS
 
-__all__ = ["document_text", "scene_text"]
-
 
 def scene_text(scene: Any) -> str:
     """Return a scene as the text of a scene file; quantities in SI units, to the last bit.

@@ -24,17 +24,6 @@ from underlay.quantities import Number
 from underlay.scene.parameters import unknown_parameter
 from underlay.units import KINDS, parse_quantity
 
-__all__ = [
-    "RELATIVE",
-    "Stated",
-    "StatedUncertainties",
-    "checked",
-    "parted",
-    "rows_of",
-    "split_uncertainties",
-    "written",
-]
-
 #: Inputs that have no path in a scene; their uncertainties are relative.
 RELATIVE = ("force", "depth", "spring_constant")
 # Parts whose numbers are inputs; the instrument's other numbers are seen in the curve.

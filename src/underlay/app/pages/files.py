@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 from nicegui import events, ui
 
-from underlay.app.folder import LARGEST_FILE
 from underlay.app.labels import comma_problem, pairs_of
-from underlay.app.pages.step import Step, data_address, helped, message_list
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step
 from underlay.app.shown import Reading
 from underlay.data.readers import all_formats
-from underlay.errors import InputError, UnderlayError
-
-__all__ = ["FOLDER_DROPPED", "FilesStep"]
-
-#: What is said where a browser could not send what was dropped.
-FOLDER_DROPPED = (
-    "The upload failed: a folder cannot be dropped. Drop the files in it, or a ZIP archive of them."
-)
+from underlay.errors import InputError
 
 # Names listed at once; with more than a few there is a field to find one, and a table turns pages.
 _LISTED, _FEW = 100, 8
@@ -41,23 +36,9 @@ class FilesStep(Step):
         """Build the upload area, the list of uploaded files, and an empty column for the selected one."""
         with ui.row().classes("columns"):
             with ui.column().classes("side"):
-                self._upload = (
-                    ui.upload(
-                        multiple=True,
-                        auto_upload=True,
-                        max_file_size=LARGEST_FILE,
-                        label="Drop curves here, or press +",
-                        on_multi_upload=self._bring,
-                        on_rejected=lambda: self.window.complain(
-                            f"A file of more than {LARGEST_FILE // 10**6} MB is not taken."
-                        ),
-                    )
-                    .props("flat bordered hide-upload-btn")
-                    .classes("drop")
-                )
-                helped(self._upload, "drop").on("failed", self._failed)
-                self._find = helped(ui.input("Find"), "find").props("dense outlined clearable")
-                self._find.classes("wide").on_value_change(self._show_list)
+                self._upload = parts.upload(self._bring)
+                self._find = parts.outlined(ui.input("Find"), "find", "wide", "clearable")
+                self._find.on_value_change(self._show_list)
                 self._list = ui.column().classes("wide")
             self._reading = ui.column().classes("main")
 
@@ -66,21 +47,11 @@ class FilesStep(Step):
         self._show_list()
         await self._show_reading()
 
-    def _failed(self) -> None:
-        """Report that an upload failed, and reset the upload area, which would otherwise accept no further file."""
-        self._upload.reset()
-        self.window.complain(FOLDER_DROPPED)
-
     async def _bring(self, event: events.MultiUploadEventArguments) -> None:
         self._upload.reset()
         if not self.window.holds:
             return
-        brought = []
-        for file in event.files:
-            try:
-                brought.append(self.analysis.folder.add_curve(file.name, await file.read()).name)
-            except UnderlayError as error:
-                self.window.complain(str(error))
+        brought = await parts.add_files(self.analysis.folder, event)
         if brought and not self.analysis.curve_name:
             self.analysis.pick(brought[0])
         self.window.kept()
@@ -94,7 +65,7 @@ class FilesStep(Step):
         self._list.clear()
         with self._list:
             if not names:
-                with ui.expansion("Files that can be read").props("dense").classes("wide"):
+                with parts.folded("Files that can be read"):
                     for entry in all_formats():
                         ui.label(entry.description).classes("quiet")
             else:
@@ -145,9 +116,7 @@ class FilesStep(Step):
                 self._told(told)
             self._how(told)
             if not told.refused:
-                ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props(
-                    "unelevated no-caps"
-                )
+                parts.button("Next: the test", lambda: self.window.go("Test"), "unelevated")
         if not told.refused:
             pictures = await self.window.ask(self.analysis.quick, "curve", name, self._test)
             if pictures is not None and name == self.analysis.curve_name:
@@ -156,9 +125,11 @@ class FilesStep(Step):
     def _drawn(self, force: bytes, time: bytes) -> None:
         """Show two pictures (PNG): force against indentation and, folded below, both against time by segment."""
         with self._picture:
-            ui.image(data_address(force)).classes("picture").props('alt="force against indentation"')
-            with ui.expansion("Against time, with its segments").props("dense").classes("wide"):
-                ui.image(data_address(time)).classes("picture").props('alt="depth and force against time"')
+            ui.image(parts.data_address(force)).classes("picture").props('alt="force against indentation"')
+            with parts.folded("Against time, with its segments"):
+                ui.image(parts.data_address(time)).classes("picture").props(
+                    'alt="depth and force against time"'
+                )
 
     @property
     def _test(self) -> int:
@@ -170,18 +141,12 @@ class FilesStep(Step):
                 with ui.row().classes("fact"):
                     ui.label(words).classes("quiet")
                     ui.label(value)
-        columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in told.tests[0]]
-        table = ui.table(
-            columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=_FEW
-        )
-        table.props("flat dense wrap-cells").classes("wide").mark("tests")
-        if len(told.tests) <= _FEW:
-            table.props("hide-pagination")
+        tests = parts.table(told.tests, most=_FEW).mark("tests")
         if len(told.tests) > 1:
-            table.set_selection("single")
-            table.selected = [dict(row) for row in told.tests if row["test"] == str(self._test)]
-            table.on_select(self._pick_test)
-        message_list(told.notes)
+            tests.set_selection("single")
+            tests.selected = [dict(row) for row in told.tests if row["test"] == str(self._test)]
+            tests.on_select(self._pick_test)
+        parts.message_list(told.notes)
 
     async def _pick_test(self, event: Any) -> None:
         if event.selection:
@@ -194,27 +159,17 @@ class FilesStep(Step):
         """
         draft = self.analysis.draft
         known = draft.peek("curve")
-        with ui.expansion("Read it differently", value=bool(told.refused)).props("dense").classes("wide"):
+        with parts.folded("Read it differently", is_open=bool(told.refused)):
             with ui.row().classes("fields"):
-                named = ui.select(
-                    [_AUTO, *(entry.name for entry in all_formats())],
-                    label="Format",
-                    value=draft.get("curve", "format") or _AUTO,
-                    on_change=lambda event: self._read_as(
-                        "format", None if event.value == _AUTO else event.value
-                    ),
+                names = [_AUTO, *(entry.name for entry in all_formats())]
+                named = ui.select(names, label="Format", value=draft.get("curve", "format") or _AUTO)
+                parts.outlined(named, "format").on_value_change(
+                    lambda event: self._read_as("format", None if event.value == _AUTO else event.value)
                 )
-                helped(named.props("outlined dense").classes("field"), "format")
                 for key, words in _CALIBRATION.items():
-                    entry = ui.input(
-                        words,
-                        value=str((known.get("calibration") or {}).get(key, "")),
-                        placeholder=told.facts.get(words, "as in the file"),
-                    )
-                    helped(entry.props("outlined dense").classes("field"), f"read-{key}").on(
-                        "change",
-                        lambda event, key=key: self._calibrate(key, str(event.sender.value or "").strip()),
-                    )
+                    value = str((known.get("calibration") or {}).get(key, ""))
+                    entry = ui.input(words, value=value, placeholder=told.facts.get(words, "as in the file"))
+                    self._on_change(parts.outlined(entry, f"read-{key}"), partial(self._calibrate, key))
                 turned = known.get("flip") or []
                 for column in ("depth", "force"):
                     turn = ui.checkbox(
@@ -222,16 +177,15 @@ class FilesStep(Step):
                         value=column in turned,
                         on_change=lambda event, column=column: self._turn(column, turned=bool(event.value)),
                     )
-                    helped(turn, f"turn-{column}")
+                    parts.helped(turn, f"turn-{column}")
             there = known.get("columns") or {}
-            columns = ui.input(
-                "Columns",
-                value=", ".join(f"{name} = {value}" for name, value in there.items()),
-                placeholder="depth = h (nm), force = -Fz (mN)",
-            )
-            helped(columns.props("outlined dense").classes("wide"), "read-columns").on(
-                "change", lambda event: self._pair("columns", str(event.sender.value or ""))
-            )
+            stated = ", ".join(f"{name} = {value}" for name, value in there.items())
+            columns = ui.input("Columns", value=stated, placeholder="depth = h (nm), force = -Fz (mN)")
+            self._on_change(parts.outlined(columns, "read-columns", "wide"), partial(self._pair, "columns"))
+
+    def _on_change(self, entry: ui.input, act: Callable[[str], Awaitable[None]]) -> None:
+        """Call `act` with the text of a field once it has been entered."""
+        entry.on("change", lambda: act(str(entry.value or "").strip()))
 
     async def _calibrate(self, key: str, text: str) -> None:
         known = dict(self.analysis.draft.peek("curve").get("calibration") or {})

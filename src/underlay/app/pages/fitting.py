@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import math
 import time
+from functools import partial
 
 from nicegui import events, ui
 
 from underlay.app.folder import is_kept
-from underlay.app.pages.outcome import Outcome, plain_table
-from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list
+from underlay.app.pages import parts
+from underlay.app.pages.outcome import Outcome
+from underlay.app.pages.step import Step, Window, Working
 from underlay.app.shown import Film, Found, Law, Look
 from underlay.report.labels import labelled, start
 from underlay.report.plots.fit import Canvas
 from underlay.report.tables import amounts, span
 from underlay.units import printed
-
-__all__ = ["GREEN", "GREY", "FilmPart", "FitStep"]
 
 _WORDS = (
     "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
@@ -80,18 +80,17 @@ class FilmPart:
             ui.label("A film by its contact stiffness").classes("heading")
             ui.label(_WORDS).classes("quiet")
             with ui.row().classes("fields"):
-                self._base = ui.select([_PERFECT], value=_PERFECT, label="Same tip on a known sample")
-                helped(self._base, "film-base").props("outlined dense").classes("field")
-                self._modulus = self._entry("Its E / (1 - nu^2)", "165 GPa", "film-modulus")
-                self._low = self._entry("From depth", "0 nm", "film-from")
-                self._high = self._entry("To depth", "1 m", "film-to")
+                base = ui.select([_PERFECT], value=_PERFECT, label="Same tip on a known sample")
+                self._base = parts.outlined(base, "film-base")
+                self._modulus = parts.outlined(
+                    ui.input("Its E / (1 - nu^2)", placeholder="165 GPa"), "film-modulus"
+                )
+                self._low = parts.outlined(ui.input("From depth", placeholder="0 nm"), "film-from")
+                self._high = parts.outlined(ui.input("To depth", placeholder="1 m"), "film-to")
             with ui.row().classes("actions"):
                 self._working = Working(window, "Fit the stiffness", self._go, mark="film")
             self._place = ui.column().classes("wide")
         self._whole.set_visibility(False)
-
-    def _entry(self, words: str, example: str, mark: str) -> ui.input:
-        return helped(ui.input(words, placeholder=example), mark).props("outlined dense").classes("field")
 
     async def show(self, *, has_stiffness: bool) -> None:
         """Show the fields, and any stored result, if the curve has a measured stiffness; else hide them."""
@@ -107,9 +106,8 @@ class FilmPart:
 
     async def _show_kept(self) -> None:
         """Show the stored result of the selected curve, and whether the scene has changed since."""
-        before = await self._window.try_to(self._window.analysis.quick, "before", Film)
-        if isinstance(before, tuple) and before[0] is not None:
-            self._shown(before[0], is_old=not before[1])
+        if before := await self._window.before(Film):
+            self._shown(*before)
 
     async def _go(self) -> None:
         base = "" if self._base.value in (None, _PERFECT) else str(self._base.value)
@@ -118,16 +116,16 @@ class FilmPart:
         if isinstance(told, Film):
             await self._show_kept()
 
-    def _shown(self, film: Film, *, is_old: bool) -> None:
+    def _shown(self, film: Film, is_old: bool) -> None:
         self._place.clear()
         with self._place:
             if is_old:
                 ui.label(_OLD).classes("note")
-            plain_table(film.table)
-            message_list(film.notes, "more")
+            parts.table(film.table)
+            parts.message_list(film.notes, "more")
             content = self._window.analysis.folder.read_result(film.picture)
             if content is not None:
-                ui.image(data_address(content)).classes("picture half").props(
+                ui.image(parts.data_address(content)).classes("picture half").props(
                     'alt="contact stiffness and modulus by depth"'
                 )
 
@@ -165,9 +163,8 @@ class FitStep(Step):
             with ui.column().classes("main"):
                 with ui.row().classes("actions"):
                     for words, turn, mark in (("Previous", -1, "previous"), ("Next", 1, "next")):
-                        ui.button(words, on_click=lambda turn=turn: self._turn(turn)).props(
-                            "flat no-caps dense"
-                        ).mark(mark).tooltip(f"{words} curve of this analysis")
+                        tip = f"{words} curve of this analysis"
+                        parts.button(words, partial(self._turn, turn), "flat dense", mark=mark, tip=tip)
                     self._place = ui.label().classes("quiet").mark("place")
                     ui.space()
                     for icon, words, factor in (
@@ -175,9 +172,8 @@ class FitStep(Step):
                         ("zoom_out", "Zoom out", 2.0),
                         ("zoom_out_map", "Whole curve", 0.0),
                     ):
-                        ui.button(icon=icon, on_click=lambda factor=factor: self._zoom(factor)).props(
-                            f'flat dense aria-label="{words}"'
-                        ).mark(icon).tooltip(words)
+                        look = f'flat dense icon={icon} aria-label="{words}"'
+                        parts.button("", partial(self._zoom, factor), look, mark=icon, tip=words)
                 # The curve lies behind: with every move only what is over it is sent again.
                 self._paper = ui.element("div").classes("picture paper")
                 with self._paper:
@@ -200,18 +196,20 @@ class FitStep(Step):
                 with ui.row().classes("slide"):
                     ui.label("Contact").classes("slide-name")
                     self._contact_slide = ui.slider(min=0, max=_STEPS, step=1, on_change=self._slid)
-                    helped(self._contact_slide, "contact").props('color=accent aria-label="contact point"')
+                    parts.helped(self._contact_slide, "contact").props(
+                        'color=accent aria-label="contact point"'
+                    )
                     self._contact_words = ui.label().classes("slide-value").mark("contact-words")
                 with ui.row().classes("slide"):
                     ui.label("Fit range").classes("slide-name")
                     self._range_slide = ui.range(min=0, max=_STEPS, step=1, on_change=self._slid)
-                    helped(self._range_slide, "range").props('color=grey-9 aria-label="fit range"')
+                    parts.helped(self._range_slide, "range").props('color=grey-9 aria-label="fit range"')
                     self._range_words = ui.label().classes("slide-value")
             with ui.column().classes("side"):
                 ui.label("Modulus at this contact point").classes("heading")
                 self._moduli = ui.column().classes("wide")
                 self._fitted = ui.switch("find the contact point in the fit", on_change=self._hold)
-                helped(self._fitted, "fit-contact")
+                parts.helped(self._fitted, "fit-contact")
                 self._notes = ui.column().classes("wide")
         # The axis counts from the contact point: it is drawn again when that has come to rest.
         self._rest = ui.timer(_REST, self._rested, active=False)
@@ -252,7 +250,7 @@ class FitStep(Step):
         with self._empty:
             ui.label(says).classes("heading").mark("way")
             ui.label("The curve with its contact point and fit range will appear here, and then its modulus.")
-            ui.button(words, on_click=lambda: self.window.go(step)).props("unelevated no-caps")
+            parts.button(words, lambda: self.window.go(step), "unelevated")
 
     async def _turn(self, turn: int) -> None:
         """Select the next (1) or previous (-1) curve, in a cycle."""
@@ -291,7 +289,7 @@ class FitStep(Step):
         first = self._look is None
         self._look = look
         # A text of styles is cut at semicolons, and the address has one.
-        self._paper.style["background-image"] = f"url({data_address(look.picture.data)})"
+        self._paper.style["background-image"] = f"url({parts.data_address(look.picture.data)})"
         if first:
             self._contact, self._range = look.contact, (look.low, look.high)
             self._set_slides()
@@ -328,7 +326,7 @@ class FitStep(Step):
     def _say(self, texts: object, kind: str) -> None:
         self._notes.clear()
         with self._notes:
-            message_list(
+            parts.message_list(
                 [str(text) for text in texts] if isinstance(texts, list | tuple) else [str(texts)], kind
             )
 
@@ -503,10 +501,7 @@ class FitStep(Step):
         draft, (begin, end_) = self.analysis.draft, self._known().extent
         draft.table("instrument")["contact_depth"] = f"{self._contact!r} m"
         margin = (end_ - begin) / _STEPS
-        for key, end, edge in (
-            ("min_depth", self._range[0], begin),
-            ("max_depth", self._range[1], end_),
-        ):
+        for key, end, edge in (("min_depth", self._range[0], begin), ("max_depth", self._range[1], end_)):
             draft.table("curve").pop(key, None)
             if math.isfinite(end) and abs(end - edge) > margin:
                 draft.table("curve")[key] = f"{end!r} m"

@@ -14,11 +14,11 @@ from collections.abc import Awaitable, Callable
 from nicegui import events, ui
 
 from underlay.app.labels import LABELS, curves_on_sample
-from underlay.app.pages.step import Step, Window, Working, data_address, helped, message_list, sheet
-from underlay.app.shown import Card, Gallery, Overview, Together
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step, Window, Working
+from underlay.app.shown import Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
-
-__all__ = ["GalleryPart", "ManyStep", "PopulationPart", "RegionPart"]
+from underlay.report.review import Card
 
 _NONE = "none"
 _OLD = "Curves were fitted or decided on since: press Mean and spread again."
@@ -77,12 +77,13 @@ class GalleryPart:
 
     def _card(self, card: Card) -> None:
         with ui.element("article").classes(f"card {card.verdict} {card.decision}").mark(f"card-{card.name}"):
-            name = ui.button(card.name, on_click=lambda: open_curve(self._window, card.name))
-            name.props("flat dense no-caps align=left").classes("card-name").mark(f"open-{card.name}")
-            name.props('title="Opens this curve in step 3"')
+            look, mark = 'flat dense align=left title="Opens this curve in step 3"', f"open-{card.name}"
+            parts.button(
+                card.name, lambda: open_curve(self._window, card.name), look, kind="card-name", mark=mark
+            )
             # The picture is made here of numbers alone; names in it are escaped.
             ui.html(card.picture, sanitize=False).classes("card-picture")
-            for words in (*card.numbers, f"{card.verdict}; {card.misfit}"):
+            for words in (*card.numbers, f"{card.verdict}; {card.misfit_words}"):
                 ui.label(words).classes("card-words")
             if card.reason:
                 with ui.label(card.reason).classes("card-words quiet clipped"):
@@ -94,27 +95,24 @@ class GalleryPart:
             with ui.row().classes("card-buttons"):
                 if card.fitted:
                     self._button("Accept", card, "accept")
-                ui.button("Reject ...", on_click=lambda: self._refuse(card)).props("flat dense no-caps").mark(
-                    f"refuse-{card.name}"
+                parts.button(
+                    "Reject ...", lambda: self._refuse(card), "flat dense", mark=f"refuse-{card.name}"
                 )
                 if card.decision:
                     self._button("Undo", card, "")
 
     def _button(self, words: str, card: Card, word: str) -> None:
-        ui.button(words, on_click=lambda: self._decide(card, word, "")).props("flat dense no-caps").mark(
-            f"{words.lower()}-{card.name}"
-        )
+        mark = f"{words.lower()}-{card.name}"
+        parts.button(words, lambda: self._decide(card, word, ""), "flat dense", mark=mark)
 
     async def _refuse(self, card: Card) -> None:
         with self._asked, ui.dialog() as dialog, ui.card():
             ui.label(f"Why is {card.name} rejected?")
-            reason = helped(ui.input("Reason"), "reason").props("outlined dense autofocus").classes("wide")
+            reason = parts.outlined(ui.input("Reason"), "reason", "wide", "autofocus")
             reason.on("keydown.enter", lambda: dialog.submit(reason.value))
             with ui.row():
-                ui.button("Reject", on_click=lambda: dialog.submit(reason.value)).props(
-                    "unelevated no-caps"
-                ).mark("refuse-now")
-                ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
+                parts.button("Reject", lambda: dialog.submit(reason.value), "unelevated", mark="refuse-now")
+                parts.button("Cancel", dialog.close, "flat")
         said = await dialog
         dialog.delete()
         if said is not None:
@@ -150,35 +148,31 @@ class PopulationPart:
     def __init__(self, window: Window, place: ui.column) -> None:
         self._window, self._place = window, place
         ui.label("Groups").classes("heading")
-        with ui.expansion("What each curve belongs to").props("dense").classes("wide").mark("whose"):
-            self._find = helped(ui.input("Files whose name holds"), "label-files").classes("wide")
-            self._find.props("outlined dense clearable")
+        with parts.folded("What each curve belongs to").mark("whose"):
+            self._find = parts.outlined(
+                ui.input("Files whose name holds"), "label-files", "wide", "clearable"
+            )
             self._found = ui.label().classes("quiet")
             self._find.on_value_change(self._count)
             self._known = ui.column().classes("wide")
             with ui.row().classes("fields"):
-                self._column = ui.select(list(LABELS), value=LABELS[0], label="are of").classes("prior")
-                helped(self._column, "label-column").props("outlined dense")
-                self._label = (
-                    helped(ui.input("called"), "label-name").props("outlined dense").classes("field")
-                )
-                ui.button("Set", on_click=self._set).props("outline no-caps").mark("label-set")
+                column = ui.select(list(LABELS), value=LABELS[0], label="are of")
+                self._column = parts.outlined(column, "label-column", "prior")
+                self._label = parts.outlined(ui.input("called"), "label-name")
+                parts.button("Set", self._set, mark="label-set")
             manifest = ui.upload(
                 label="Or bring a table (CSV: file, animal, group, x, y, thickness, ...)",
                 auto_upload=True,
                 on_upload=self._manifest,
             )
-            helped(manifest, "manifest").props("flat bordered accept=.csv").classes("drop small")
+            parts.helped(manifest, "manifest").props("flat bordered accept=.csv").classes("drop small")
         with ui.column().classes("wide") as self._fitted:
             with ui.row().classes("fields"):
-                self._by = ui.select([_NONE], value=_NONE, label="Curves belong together by")
-                helped(self._by, "by").props("outlined dense").classes("field")
-                self._group = ui.select([_NONE], value=_NONE, label="Compare")
-                helped(self._group, "group").props("outlined dense").classes("field")
-            self._ask = ui.button("Mean and spread", on_click=self._together).props("outline no-caps")
-            self._ask.mark("together").tooltip(
-                "Mean over animals with its interval, spread between and within them, and a box plot"
-            )
+                by = ui.select([_NONE], value=_NONE, label="Curves belong together by")
+                self._by = parts.outlined(by, "by")
+                self._group = parts.outlined(ui.select([_NONE], value=_NONE, label="Compare"), "group")
+            tip = "Mean over animals with its interval, spread between and within them, and a box plot"
+            self._ask = parts.button("Mean and spread", self._together, mark="together", tip=tip)
 
     async def show(self, told: Overview) -> None:
         """Offer the map's columns of labels as units and groups, and show the stored population."""
@@ -197,7 +191,7 @@ class PopulationPart:
             with self._place:
                 if not is_new:
                     ui.label(_OLD).classes("note").mark("old-population")
-                sheet(found.sheet)
+                parts.sheet(found.sheet)
 
     async def _show_labels(self) -> None:
         """Show for each column of labels how many files have each label."""
@@ -254,7 +248,7 @@ class PopulationPart:
             if not isinstance(told, Together):
                 ui.label(str(told)).classes("bad").mark("population-refused")
                 return
-            sheet(told.sheet)
+            parts.sheet(told.sheet)
 
 
 class HeightPart:
@@ -270,14 +264,11 @@ class HeightPart:
 
     def __init__(self, window: Window, told: Callable[[], Awaitable[None]]) -> None:
         self._window, self._told = window, told
-        with ui.expansion("Thickness from contact heights").props("dense").classes("wide").mark("heights"):
+        with parts.folded("Thickness from contact heights").mark("heights"):
             ui.label(_HEIGHTS).classes("quiet")
             with ui.row().classes("fields"):
-                self._begins = helped(ui.input("Names on the substrate begin with"), "on-glass")
-                self._begins.props("outlined dense").classes("field")
-                ui.button("Set the thickness", on_click=self._set).props("outline no-caps").mark(
-                    "set-heights"
-                )
+                self._begins = parts.outlined(ui.input("Names on the substrate begin with"), "on-glass")
+                parts.button("Set the thickness", self._set, mark="set-heights")
             self._place = ui.column().classes("wide")
 
     async def _set(self) -> None:
@@ -321,9 +312,8 @@ class RegionPart:
             self._picture.classes("picture region").mark("regions")
             with ui.row().classes("fields") as self._ask:
                 self._words = ui.label().classes("quiet")
-                self._name = helped(ui.input("Name of this region"), "region-name").classes("field")
-                self._name.props("outlined dense")
-                ui.button("Name region", on_click=self._set).props("outline no-caps").mark("region-set")
+                self._name = parts.outlined(ui.input("Name of this region"), "region-name")
+                parts.button("Name region", self._set, mark="region-set")
 
     def show(self, told: Overview) -> None:
         """Show the map where curves have positions, else hide it."""
@@ -331,7 +321,7 @@ class RegionPart:
         self._whole.set_visibility(told.plan is not None)
         self._ask.set_visibility(False)
         if told.plan is not None:
-            self._picture.set_source(data_address(told.plan.data))
+            self._picture.set_source(parts.data_address(told.plan.data))
             self._picture.set_content("")
 
     def _pixels(self, plan: Canvas, x: float, y: float) -> tuple[float, float]:
@@ -425,7 +415,7 @@ class ManyStep(Step):
         else:
             self._overview.clear()
             with self._overview:
-                message_list([str(told)], "bad")
+                parts.message_list([str(told)], "bad")
 
     async def _go(self) -> None:
         told = await self._working.run("fit_all")
@@ -460,6 +450,6 @@ class ManyStep(Step):
         self._overview.clear()
         with self._overview:
             if told.sheet:
-                sheet(told.sheet)
+                parts.sheet(told.sheet)
             else:
                 ui.label("Median, map and every curve will appear here.").classes("quiet")

@@ -6,11 +6,10 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from underlay.app.pages.step import Window, Working, message_list, sheet
-from underlay.app.shown import Found, Row
+from underlay.app.pages import parts
+from underlay.app.pages.step import Window, Working
+from underlay.app.shown import Found
 from underlay.app.state import said
-
-__all__ = ["Outcome", "plain_table"]
 
 _OLD = "The test, the contact point or the range was changed since: press Fit again."
 
@@ -43,14 +42,14 @@ class Outcome:
     async def show(self) -> None:
         """Show the stored fit of the selected curve, unless a newer one is running."""
         turns = self._turns
-        before = await self._window.try_to(self._window.analysis.quick, "before", Found)
+        before = await self._window.before(Found)
         if turns != self._turns or self._fitting:
             return
         self._place.clear()
         self._old.set_visibility(False)
-        if isinstance(before, tuple) and before[0] is not None:
+        if before is not None:
             self._shown(before[0])
-            self._old.set_visibility(not before[1])
+            self._old.set_visibility(before[1])
 
     def is_old(self) -> None:
         """Show the note that the scene has changed since the shown result."""
@@ -78,15 +77,6 @@ class Outcome:
         self._turns += 1
         self._place.clear()
         with self._place:
-            sheet(found.sheet)
-            message_list(found.notes)
+            parts.sheet(found.sheet)
+            parts.message_list(found.notes)
         self._window.kept()
-
-
-def plain_table(rows: tuple[Row, ...]) -> None:
-    """Show rows of text as a table."""
-    if not rows:
-        return
-    columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in rows[0]]
-    table = ui.table(columns=columns, rows=[dict(row) for row in rows], row_key=next(iter(rows[0])))
-    table.props("flat dense wrap-cells hide-pagination").classes("wide")

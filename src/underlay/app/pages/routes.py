@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from nicegui import events, ui
 
 from underlay._door import FileKind, read_text
-from underlay.app.folder import LARGEST_FILE, AnalysisFolder, analyses, described, new_analysis
-from underlay.app.pages.files import FOLDER_DROPPED, FilesStep
+from underlay.app.folder import AnalysisFolder, analyses, described, new_analysis
+from underlay.app.pages import parts
+from underlay.app.pages.files import FilesStep
 from underlay.app.pages.fitting import FitStep
 from underlay.app.pages.many import ManyStep
 from underlay.app.pages.scene import SceneStep
-from underlay.app.pages.step import Step, Window, complain, helped
+from underlay.app.pages.step import Step, Window
 from underlay.app.pages.takeaway import TakeAwayStep
 from underlay.app.state import SAMPLES, Home, OpenAnalysis, with_sample
-from underlay.errors import UnderlayError
 from underlay.report.page import style_of
-
-__all__ = ["COLOURS", "AnalysisPage", "StartPage", "add_pages"]
 
 #: What buttons, sliders and messages are painted with.
 COLOURS = {
@@ -84,24 +83,21 @@ class AnalysisPage:
             ui.link("underlay", "/").classes("name").tooltip("All analyses")
             ui.label(self.window.analysis.folder.name).classes("quiet")
             self._back = [
-                ui.button(on_click=lambda back=back: self._step(back=back))
-                .props(f"flat no-caps dense icon={icon}")
-                .mark(icon)
+                parts.button("", partial(self._step, back=back), f"flat dense icon={icon}", mark=icon)
                 for back, icon in ((True, "undo"), (False, "redo"))
             ]
             ui.space()
-            ui.button("Another browser", on_click=self._another).props("flat no-caps dense").mark(
-                "another"
-            ).tooltip("Gives an address that opens this page in another browser of this machine")
+            tip = "Gives an address that opens this page in another browser of this machine"
+            parts.button("Another browser", self._another, "flat dense", mark="another", tip=tip)
 
     def _kept(self) -> None:
         """Update the state of each step in its title, and on the buttons what undo and redo would change."""
         for number, (step, name) in enumerate(self._names.items(), start=1):
             name.props["label"] = f"{number}  {step.title}   {step.state}".rstrip()
             name.update()
-        for button, verb, what in zip(self._back, ("Undo", "Redo"), self.window.analysis.undone, strict=True):
-            button.set_text(f"{verb}: {what}" if what else verb)
-            button.set_enabled(bool(what))
+        for one, verb, what in zip(self._back, ("Undo", "Redo"), self.window.analysis.undone, strict=True):
+            one.set_text(f"{verb}: {what}" if what else verb)
+            one.set_enabled(bool(what))
 
     async def _step(self, *, back: bool) -> None:
         if self.window.holds:
@@ -112,9 +108,8 @@ class AnalysisPage:
     async def _another(self) -> None:
         with ui.dialog() as dialog, ui.card():
             ui.label("This address opens the page once, in another browser on this machine:")
-            address = ui.input(value=self._home.new_address()).props("readonly outlined dense")
-            helped(address.classes("wide"), "address")
-            ui.button("Close", on_click=dialog.close).props("flat no-caps")
+            parts.outlined(ui.input(value=self._home.new_address()), "address", "wide", "readonly")
+            parts.button("Close", dialog.close, "flat")
         await dialog
         dialog.delete()
 
@@ -157,26 +152,16 @@ class StartPage:
             with ui.column().classes("main"):
                 ui.label("underlay").classes("name")
                 ui.label("Young's modulus of a thin layer on a substrate, from indentation curves.")
-                self._upload = ui.upload(
-                    multiple=True,
-                    auto_upload=True,
-                    max_file_size=LARGEST_FILE,
-                    label="Drop curves here, or press +",
-                    on_multi_upload=self._bring,
-                )
-                self._upload.props("flat bordered hide-upload-btn").classes("drop")
-                helped(self._upload, "drop").mark("drop-new")
-                self._upload.on("failed", self._failed)
+                parts.upload(self._bring).mark("drop-new")
                 ui.label("They are copied; your files are not changed.").classes("quiet")
-                ui.button("New analysis", on_click=lambda: self._go(self._new())).mark("new").props(
-                    "outline no-caps"
-                )
+                parts.button("New analysis", lambda: self._go(self._new()), mark="new")
                 ui.label("Or try it with sample data").classes("heading")
                 with ui.row().classes("actions"):
                     for scene, (words, about, _) in SAMPLES.items():
-                        ui.button(
-                            f"{words}\n{about}", on_click=lambda scene=scene: self._show_sample(scene)
-                        ).props("outline no-caps align=left").classes("sample").mark(f"sample-{scene}")
+                        show, mark = partial(self._show_sample, scene), f"sample-{scene}"
+                        parts.button(
+                            f"{words}\n{about}", show, "outline align=left", kind="sample", mark=mark
+                        )
                 ui.label("They come with their test filled in; all but the cell are simulated.").classes(
                     "quiet"
                 )
@@ -205,20 +190,8 @@ class StartPage:
         with_sample(folder, scene)
         self._go(folder)
 
-    def _failed(self) -> None:
-        self._upload.reset()
-        complain(FOLDER_DROPPED)
-
     async def _bring(self, event: events.MultiUploadEventArguments) -> None:
         folder = self._new()
-        analysis = self._home.analysis(folder.name)
-        for file in event.files:
-            try:
-                name = folder.add_curve(file.name, await file.read()).name
-            except UnderlayError as error:
-                complain(str(error))
-                continue
-            if not analysis.curve_name:
-                analysis.pick(name)
-        if analysis.curve_name:
+        if names := await parts.add_files(folder, event):
+            self._home.analysis(folder.name).pick(names[0])
             self._go(folder)

@@ -7,6 +7,7 @@ with its bounds and prior. `SceneText` takes the scene file as text, for what th
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import Any
 
 from nicegui import ui
@@ -24,7 +25,8 @@ from underlay.app.form import (
     problem_with,
 )
 from underlay.app.labels import comma_problem
-from underlay.app.pages.step import Step, Window, data_address, helped
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step, Window
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts
@@ -32,8 +34,6 @@ from underlay.scene.parameters import kind_of
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import SceneKey, scene_keys
 from underlay.units import KINDS, format_quantity, printed, printed_unit
-
-__all__ = ["FreeTable", "SceneStep", "SceneText"]
 
 _BOUNDS = ("min", "max")
 _OF_PRIOR = {"normal": ("mean", "sd"), "lognormal": ("median", "relative_sd"), "halfnormal": ("sd",)}
@@ -141,7 +141,7 @@ class FreeTable:
                 self._line(path, known[path])
             others = [path for path in known if path not in usual and path not in free]
             if others:
-                with ui.expansion("More numbers").props("dense").classes("wide"):
+                with parts.folded("More numbers"):
                     for path in others:
                         self._line(path, known[path])
 
@@ -176,8 +176,7 @@ class FreeTable:
                 value=entry.get("prior", ""),
                 on_change=lambda event: self._put(path, "prior", str(event.value)),
             )
-            known.props('outlined dense options-dense aria-label="what is known before"').classes("prior")
-            helped(known, "prior")
+            parts.outlined(known, "prior", "prior", 'options-dense aria-label="what is known before"')
 
     def _amount(self, path: str, name: str) -> None:
         kind = "dimensionless" if name == "relative_sd" else kind_of(path)
@@ -246,11 +245,13 @@ class SceneText:
 
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
         self._window, self._changed = window, changed
-        with ui.expansion("More: the test as text").props("dense").classes("wide"):
+        with parts.folded("More: the test as text"):
             ui.label(_WORDS).classes("quiet")
-            self._text = helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes("wide")
+            self._text = parts.helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes(
+                "wide"
+            )
             self._text.props('outlined autogrow input-class=code-entry aria-label="the test as text"')
-            ui.button("Use this text", on_click=self._use).props("outline no-caps").mark("use-text")
+            parts.button("Use this text", self._use, mark="use-text")
 
     async def _use(self) -> None:
         """Use the edited text as the scene, or report what is wrong and leave the scene unchanged."""
@@ -288,15 +289,19 @@ class SceneStep(Step):
                 with ui.row().classes("presets"):
                     ui.label("Begin with").classes("quiet")
                     for name, words in PRESETS.items():
-                        ui.button(words, on_click=lambda name=name: self._begin(name)).props(
-                            "outline no-caps dense"
-                        ).mark(f"preset-{name}").tooltip("Fills in usual numbers, which count as assumed")
+                        begin, tip = (
+                            partial(self._begin, name),
+                            "Fills in usual numbers, which count as assumed",
+                        )
+                        parts.button(words, begin, "outline dense", mark=f"preset-{name}", tip=tip)
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
                 # Not made again with every drawing: who stands on it with the keyboard stays there.
-                self._next = ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).mark("to-fit")
-                self._next.props("unelevated no-caps").set_visibility(False)
+                self._next = parts.button(
+                    "Next: the fit", lambda: self.window.go("Fit"), "unelevated", mark="to-fit"
+                )
+                self._next.set_visibility(False)
                 self._free = FreeTable(self.window, self._changed)
 
     async def show(self) -> None:
@@ -312,15 +317,14 @@ class SceneStep(Step):
                 base = ui.select(
                     dict(BASES), value=draft.base, on_change=lambda event: self._rebase(event.value)
                 )
-                base.props("outlined dense aria-label='what lies under the layer'").classes("field")
-                helped(base, "base")
+                parts.outlined(base, "base", look="aria-label='what lies under the layer'")
             if draft.base == "elastic":
                 self._fields("substrate")
                 self._axial("substrate")
             for section, words in ADVANCED.items():
                 # Open where something stands in it that not every sample says.
                 is_open = any(field.text for field in draft.fields(section) if field.key.name not in _SAID)
-                with ui.expansion(words, value=is_open).props("dense").classes("wide"):
+                with parts.folded(words, is_open=is_open):
                     self._fields(section)
             SceneText(self.window, self.show)
         await self._draw()
@@ -336,15 +340,11 @@ class SceneStep(Step):
         for number, section in enumerate(draft.between, start=2):
             with ui.row().classes("section-head"):
                 ui.label(f"Layer {number}").classes("heading")
-                ui.button("Remove", on_click=lambda section=section: self._relayer(section)).props(
-                    "flat dense no-caps"
-                )
+                parts.button("Remove", partial(self._relayer, section), "flat dense")
             self._fields(section)
             self._axial(section)
         if draft.base != "none":
-            ui.button("Add a layer under it", on_click=lambda: self._relayer(None)).props(
-                "flat dense no-caps"
-            ).mark("add-layer")
+            parts.button("Add a layer under it", lambda: self._relayer(None), "flat dense", mark="add-layer")
 
     def _axial(self, section: str) -> None:
         axial = ui.checkbox(
@@ -352,7 +352,7 @@ class SceneStep(Step):
             value="E_axial" in self.analysis.draft.peek(section),
             on_change=lambda event: self._make_axial(section, axial=bool(event.value)),
         )
-        helped(axial.props("dense"), "axial")
+        parts.helped(axial.props("dense"), "axial")
 
     def _fields(self, section: str) -> None:
         """Build the fields of a section; for a layer the less common ones are folded."""
@@ -362,7 +362,7 @@ class SceneStep(Step):
         self._row(usual)
         if more:
             is_open = any(field.text for field in more)
-            with ui.expansion("Lower face, edges, drainage", value=is_open).props("dense").classes("wide"):
+            with parts.folded("Lower face, edges, drainage", is_open=is_open):
                 self._row(more)
 
     def _is_layer(self, section: str) -> bool:
@@ -455,7 +455,7 @@ class SceneStep(Step):
         self._next.set_visibility(isinstance(drawn, bytes))
         with self._drawing:
             if isinstance(drawn, bytes):
-                ui.image(data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
+                ui.image(parts.data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
             else:
                 ui.label(str(drawn)).classes("bad").mark("scene-problem")
 

@@ -1,28 +1,20 @@
-"""What the steps of the page share: the browser window, and a long task with its buttons and progress."""
+"""What the steps of the page are made of: the browser window, and a long task with its buttons and progress."""
 
 from __future__ import annotations
 
-import base64
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
 from nicegui import ui
 
-from underlay.app.form import help_of
+from underlay.app.pages import parts
 from underlay.app.shown import Progress
 from underlay.app.state import OpenAnalysis
 from underlay.app.work import Tell, Worker, WorkError
 from underlay.errors import UnderlayError
 
-__all__ = ["Step", "Window", "Working", "complain", "data_address", "helped", "message_list", "sheet"]
-
-_Element = TypeVar("_Element", bound=ui.element)
-
-
-def complain(message: str) -> None:
-    """Show an error message until it is closed."""
-    ui.notify(message, type="negative", timeout=0, close_button="OK", multi_line=True)
+_Kept = TypeVar("_Kept")
 
 
 class Window:
@@ -41,7 +33,7 @@ class Window:
         Called after the scene was written.
     """
 
-    complain = staticmethod(complain)
+    complain = staticmethod(parts.complain)
 
     def __init__(self, analysis: OpenAnalysis) -> None:
         self.analysis = analysis
@@ -71,6 +63,14 @@ class Window:
             return await worker.call(task, *arguments)
         except WorkError as error:
             return str(error)
+
+    async def before(self, kind: type[_Kept]) -> tuple[_Kept, bool] | None:
+        """Return the selected curve's stored result of a class, and whether the scene has changed since.
+
+        None where there is none.
+        """
+        told = await self.try_to(self.analysis.quick, "before", kind)
+        return (told[0], not told[1]) if isinstance(told, tuple) and told[0] is not None else None
 
     def keep(self, *, by_hand: bool = True) -> bool:
         """Write the scene file if this window may change the analysis, and return whether it was written.
@@ -121,28 +121,6 @@ class Step(ABC):
         """Update the contents of the step."""
 
 
-def helped(element: _Element, mark: str) -> _Element:
-    """Give an element its mark, by which tests find it, and the help text of that name as a tooltip; return it."""
-    element.mark(mark).props["title"] = help_of(mark)
-    return element
-
-
-def data_address(picture: bytes) -> str:
-    """Return a PNG picture as a ``data:`` URL."""
-    return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
-
-
-def message_list(texts: Iterable[str], kind: str = "note") -> None:
-    """Show sentences one below the other, as text that is never read as markup; `kind` is their CSS class."""
-    for text in texts:
-        ui.label(text).classes(kind)
-
-
-def sheet(page: str) -> None:
-    """Show a report's HTML, which was made by this package with all text escaped."""
-    ui.html(page, sanitize=False).classes("sheet wide").mark("sheet")
-
-
 class Working:
     """The start and stop buttons and the progress bar of a long task.
 
@@ -171,9 +149,9 @@ class Working:
     ) -> None:
         self._window, self._heard = window, heard
         self._asked, self._allowed = False, True
-        self._go = ui.button(words, on_click=begin).props("unelevated no-caps size=lg").mark(mark)
-        self._stop = ui.button("Stop", on_click=self._halt).props("outline no-caps").mark(f"stop-{mark}")
-        self._stop.tooltip("Ends it with what is there by then; pressed again, at once")
+        self._go = parts.button(words, begin, "unelevated size=lg", mark=mark)
+        tip = "Ends it with what is there by then; pressed again, at once"
+        self._stop = parts.button("Stop", self._halt, mark=f"stop-{mark}", tip=tip)
         self._bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("bar")
         self._words = ui.label().classes("quiet").mark(f"progress-{mark}")
         self._working(on=False)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from nicegui import ui
 
 from underlay.app.folder import is_kept
-from underlay.app.pages.step import Step, Working, helped, message_list, sheet
+from underlay.app.pages import parts
+from underlay.app.pages.step import Step, Working
 from underlay.app.shown import Found, Sampled, Taken
-
-__all__ = ["TakeAwayStep"]
 
 # What can be taken: words, task, ending of the file's name.
 _OF_FIT = (
@@ -58,16 +59,12 @@ class TakeAwayStep(Step):
                     value=20_000,
                     label="How long",
                 )
-                helped(self._most, "most").props("outlined dense").classes("wide")
+                parts.outlined(self._most, "most", "wide")
                 self._working = Working(self.window, "Sample", self._sample, mark="sample")
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
                 self._old = ui.label(_OLD_FIT).classes("note").mark("old-fit")
-                with (
-                    ui.expansion("For programmers: the test as a file, and Python that fits it")
-                    .props("dense")
-                    .classes("wide")
-                ):
+                with parts.folded("For programmers: the test as a file, and Python that fits it"):
                     self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
                     self._script = ui.code("", language="python").classes("wide code").mark("script")
 
@@ -79,8 +76,8 @@ class TakeAwayStep(Step):
         is_mapped = (folder.results / "map.csv").is_file()
         self._none.set_visibility(not is_fitted)
         self._no_map.set_visibility(not is_mapped)
-        for button in self._of_fit:
-            button.set_enabled(is_fitted)
+        for offer in self._of_fit:
+            offer.set_enabled(is_fitted)
         self._of_map.set_enabled(is_mapped)
         self._working.allow(allowed=bool(stem) and not self.analysis.lacks)
         told = await self.window.try_to(self.analysis.quick, "taken")
@@ -92,26 +89,24 @@ class TakeAwayStep(Step):
         self._pictures.clear()
         with self._pictures:
             for path in folder.result_files(stem, (".png",)):
-                ui.button(
-                    f"Picture: {path.name.removeprefix(f'{stem}.')}",
-                    on_click=lambda path=path: self._give(path.name, path.name),
-                ).props("flat dense no-caps align=left")
+                words = f"Picture: {path.name.removeprefix(f'{stem}.')}"
+                parts.button(words, partial(self._give, path.name), "flat dense align=left")
 
     def _offer(self, words: str, task: str, ending: str) -> ui.button:
-        button = ui.button(words).props("outline no-caps align=left")
-        return button.on_click(lambda: self._take(button, task, ending))
+        offer = parts.button(words, lambda: self._take(offer, task, ending), "outline align=left")
+        return offer
 
-    async def _take(self, button: ui.button, task: str, ending: str) -> None:
-        button.props("loading")
+    async def _take(self, offer: ui.button, task: str, ending: str) -> None:
+        offer.props("loading")
         try:
             content = await self.window.ask(self.analysis.long, task)
         finally:
-            button.props(remove="loading")
+            offer.props(remove="loading")
         if isinstance(content, bytes):
             ui.download.content(content, f"{self.analysis.stem or 'underlay'}.{ending}")
 
-    def _give(self, result: str, name: str) -> None:
-        content = self.analysis.folder.read_result(result)
+    def _give(self, name: str) -> None:
+        content = self.analysis.folder.read_result(name)
         if content is not None:
             ui.download.content(content, name)
 
@@ -122,14 +117,14 @@ class TakeAwayStep(Step):
 
     async def _show_posterior(self) -> None:
         """Show the stored posterior of the selected curve."""
-        before = await self.window.try_to(self.analysis.quick, "before", Sampled)
+        before = await self.window.before(Sampled)
         self._posterior.clear()
-        if not isinstance(before, tuple) or before[0] is None:
+        if before is None:
             return
-        told: Sampled = before[0]
+        told, is_old = before
         with self._posterior:
             ui.label("Posterior").classes("heading")
-            if not before[1]:
+            if is_old:
                 ui.label(_OLD).classes("note").mark("old-posterior")
-            sheet(told.sheet)
-            message_list(told.notes)
+            parts.sheet(told.sheet)
+            parts.message_list(told.notes)

@@ -51,14 +51,8 @@ def _label_points(
     heights = (np.log(y) - bottom) / (top - bottom)
     order = np.argsort(-heights, kind="stable")
     room = np.full(len(order), min(_APART, 0.96 / max(len(order) - 1, 1)))
-    line = {
-        "arrowstyle": "-",
-        "color": style.GREY,
-        "lw": 0.4,
-        "shrinkA": 1.0,
-        "shrinkB": 2.0,
-        "relpos": (0.0, 0.5),
-    }
+    line = {"arrowstyle": "-", "color": style.GREY, "lw": 0.4, "relpos": (0.0, 0.5)}
+    line |= {"shrinkA": 1.0, "shrinkB": 2.0}
     how: dict[str, Any] = {"textcoords": "axes fraction", "va": "center", "fontsize": 5.5, "arrowprops": line}
     for index, height in zip(
         order.tolist(), style.apart(heights[order], room, 0.0, 1.0).tolist(), strict=True

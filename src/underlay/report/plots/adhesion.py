@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
-_MOST_POINTS = 2000
-_POINTS = 400
 # Of the pull-off force: how far the picture reaches.
 _LOADS = 2.0
 
@@ -78,7 +76,7 @@ def adhesion(
             panel.plot(
                 measured[0] / metre, measured[1] / newton, ".", ms=2.2, color=style.DATA, label="measured"
             )
-        stable = np.linspace(law.pull_off_depth, law.max_depth, _POINTS)[1:]
+        stable = np.linspace(law.pull_off_depth, law.max_depth, style.LINE_POINTS)[1:]
         panel.plot(stable / metre, law.force(stable) / newton, color=style.FIT, label="stable, depth given")
         _jumps(panel, law, scene.instrument.compliance, metre, newton)
         panel.set(xlabel=f"depth of the tip ({length})", ylabel=f"force ({load})")
@@ -102,7 +100,7 @@ def _measured(result: Fit, curve: int) -> tuple[np.ndarray, np.ndarray]:
     instrument = scene.instrument
     force = measured.force - instrument.baseline - instrument.baseline_slope * measured.depth
     depth = measured.depth - instrument.contact_depth - instrument.compliance * force
-    step = max(1, len(measured) // _MOST_POINTS)
+    step = max(1, len(measured) // style.MOST_POINTS)
     return depth[::step], force[::step]
 
 
@@ -122,10 +120,7 @@ def _jumps(panel: Axes, law: ContactLaw, compliance: float, metre: float, newton
         away = off.depth - reach if spring == np.inf else off.depth + spring * off.force
         rest = off.force if spring == np.inf else 0.0
         arrow = {"arrowstyle": "->", "color": color, "lw": 1.1, "shrinkA": 0.0, "shrinkB": 0.0}
-        for begin, end in (
-            ((off.depth, off.force), (away, rest)),
-            ((0.0, 0.0), (first.depth, first.force)),
-        ):
+        for begin, end in (((off.depth, off.force), (away, rest)), ((0.0, 0.0), (first.depth, first.force))):
             panel.annotate(
                 "", (end[0] / metre, end[1] / newton), (begin[0] / metre, begin[1] / newton), arrowprops=arrow
             )

@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import LogLocator
 
 from underlay.errors import InputError
 from underlay.report.labels import label, symbol
@@ -46,24 +46,15 @@ _BEST, _WORST = 1e-3, 1.0
 _BARS, _SMALL = 7, 1e-3
 # Letters of a source in a line beside its bar.
 _LETTERS = 27
-_MARKS: dict[str, dict[str, Any]] = {
-    "seen": {"color": style.FIT},
-    "given": {"color": style.SYSTEMATIC},
-    "assumed": {"facecolor": "white", "edgecolor": style.SYSTEMATIC, "hatch": "/////", "lw": 0.8},
-    "model": {"color": "#7d5700"},
+# Where a source is known from: how its bar is drawn, and what the legend says.
+_HATCHED = {"facecolor": "white", "edgecolor": style.SYSTEMATIC, "hatch": "/////", "lw": 0.8}
+_ORIGINS: dict[str, tuple[dict[str, Any], str]] = {
+    "seen": ({"color": style.FIT}, "seen in the curve"),
+    "given": ({"color": style.SYSTEMATIC}, "given"),
+    "assumed": (_HATCHED, "assumed: state yours"),
+    "model": ({"color": "#7d5700"}, "left out of the model"),
 }
-_ORIGINS = {
-    "seen": "seen in the curve",
-    "given": "given",
-    "assumed": "assumed: state yours",
-    "model": "left out of the model",
-}
-_BESIDE: dict[str, Any] = {
-    "xytext": (3.0, 0.0),
-    "textcoords": "offset points",
-    "va": "center",
-    "fontsize": 7.5,
-}
+_BESIDE: Any = {"xytext": (3.0, 0.0), "textcoords": "offset points", "va": "center", "fontsize": 7.5}
 
 
 def _draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
@@ -143,20 +134,11 @@ def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
         for place, combination in enumerate(combinations):
             size = min(max(combination.relative_sd, 1.3 * _LEAST), _MOST)
             bars.barh(place, size, left=0.0, height=0.55, color=_COLOURS[combination.verdict])
-            words = (
-                f"to {100.0 * combination.relative_sd:.2g} %"
-                if combination.relative_sd < _MOST
-                else "not fixed"
-            )
+            known = combination.relative_sd < _MOST
+            words = f"to {100.0 * combination.relative_sd:.2g} %" if known else "not fixed"
             inside = size > np.sqrt(_LEAST * _MOST)
-            bars.text(
-                size * (0.85 if inside else 1.2),
-                place,
-                words,
-                va="center",
-                ha="right" if inside else "left",
-                color=style.INK,
-            )
+            at, side = (0.85, "right") if inside else (1.2, "left")
+            bars.text(at * size, place, words, va="center", ha=side, color=style.INK)
         bars.set_xscale("log")
         bars.set_xlim(_LEAST, _MOST)
         bars.set_yticks(range(len(combinations)), [_formula(entry.powers) for entry in combinations])
@@ -198,31 +180,14 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
         drawn.set_facecolor(style.GREY)
         ends = (np.nanmin(relative), np.nanmax(relative))
         norm = LogNorm(max(ends[0], _BEST), min(max(ends[1], 2.0 * max(ends[0], _BEST)), _WORST))
-        mesh = drawn.pcolormesh(
-            tests.radii / radius,
-            tests.depths / depth,
-            relative,
-            cmap=style.SEQUENTIAL,
-            norm=norm,
-            shading="nearest",
-        )
+        shades: Any = {"cmap": style.SEQUENTIAL, "norm": norm, "shading": "nearest"}
+        mesh = drawn.pcolormesh(tests.radii / radius, tests.depths / depth, relative, **shades)
         drawn.set(xscale="log", yscale="log")
         for axis in (drawn.xaxis, drawn.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_locator(NullLocator())
+            style.plain_ticks(axis, LogLocator(subs=(1.0, 2.0, 5.0)))
         if np.isfinite(tests.stderr).any():
-            best = tests.best
-            drawn.plot(
-                best[0] / radius,
-                best[1] / depth,
-                "*",
-                ms=12,
-                mfc="white",
-                mec=style.INK,
-                mew=0.8,
-                label="recommended",
-            )
+            star: Any = {"ms": 12, "mfc": "white", "mec": style.INK, "mew": 0.8, "label": "recommended"}
+            drawn.plot(tests.best[0] / radius, tests.best[1] / depth, "*", **star)
             drawn.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
         figure = drawn.get_figure(root=False)
         if figure is not None:
@@ -260,7 +225,7 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
     name, factor = style.unit_of(0.1 * whole, kind_of(answer.name))
     with style.panel(ax, width=style.COLUMN, height=2.3) as panel:
         for place, row in enumerate(rows):
-            panel.barh(-place, row.half_width / factor, height=0.62, **_MARKS[row.origin])
+            panel.barh(-place, row.half_width / factor, height=0.62, **_ORIGINS[row.origin][0])
             panel.annotate(_short(row.half_width / factor), (row.half_width / factor, -place), **_BESIDE)
         panel.barh(-len(rows), whole / factor, height=0.62, color=style.INK)
         total = f"{_short(whole / factor)} {name}".rstrip()
@@ -274,10 +239,10 @@ def budget(answer: Answer, *, ax: Axes | None = None) -> Axes:
         unit = f" ({name})" if name else ""
         letter = name_of(answer.name)[1]
         panel.set_xlabel(f"Contribution to the uncertainty of {letter}{unit}", loc="right")
-        there = [origin for origin in _MARKS if any(row.origin == origin for row in rows)]
+        there = [shown for origin, shown in _ORIGINS.items() if any(row.origin == origin for row in rows)]
         panel.legend(
-            [Patch(**_MARKS[origin]) for origin in there],
-            [_ORIGINS[origin] for origin in there],
+            [Patch(**mark) for mark, _ in there],
+            [words for _, words in there],
             # Above the sum: there bars are shortest.
             loc="lower right",
             bbox_to_anchor=(1.0, 1.15 / (len(rows) + 1.0)),

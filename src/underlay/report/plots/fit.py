@@ -25,10 +25,8 @@ from underlay.report.screen import half_space_fit
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
 
-# More points than the picture has pixels only make the file heavy.
-_MOST_POINTS = 1500
-# Share of the contact that is shown of the flat part before it; share of the depth from which logarithms are drawn.
-_BEFORE, _SHALLOWEST = 0.35, 3e-3
+# Share of the depth from which logarithms are drawn.
+_SHALLOWEST = 3e-3
 # Points over which the residual of a comparison is averaged, as a share of the curve.
 _SMOOTHED = 0.015
 # Of a picture on a page: crisp enough, and drawn in half the time of one for print.
@@ -164,14 +162,8 @@ def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, floa
     """
     bare, x, newton, offset = what
     (residual,), (measured,) = bare.residuals, bare.curves
-    upper.plot(
-        x,
-        (measured.force - residual - offset) / newton,
-        "--",
-        lw=1.2,
-        color=style.REFERENCE,
-        label="half-space, best fit",
-    )
+    how: Any = {"lw": 1.2, "color": style.REFERENCE, "label": "half-space, best fit"}
+    upper.plot(x, (measured.force - residual - offset) / newton, "--", **how)
     width = max(1, round(_SMOOTHED * len(residual)))
     smooth = np.convolve(residual, np.full(width, 1.0 / width), "valid")
     first = (len(residual) - len(smooth)) // 2
@@ -183,23 +175,16 @@ def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
     """Write labels in the colours of their marks, from the top left down, where a rising curve leaves room."""
     left = panel.transAxes.inverted().transform(panel.transData.transform((0.0, 0.0)))[0]
     place = max(float(left), 0.0) + 0.02 if left < 0.45 else 0.02
+    where: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
     for row, (text, colour) in enumerate(words):
-        panel.annotate(
-            text,
-            (place, 0.985),
-            xycoords="axes fraction",
-            xytext=(0.0, -11.0 * row),
-            textcoords="offset points",
-            color=colour,
-            va="top",
-        )
+        panel.annotate(text, (place, 0.985), xytext=(0.0, -11.0 * row), color=colour, **where)
 
 
 def _zoom(panel: Axes, x: FloatArray) -> None:
     """Limit the axis to the contact and a short part before it, unless that is most of the curve anyway."""
     deepest = float(x.max())
-    first = -_BEFORE * deepest
-    if deepest > 0.0 and first - float(x.min()) > _BEFORE * deepest:
+    first = -style.BEFORE * deepest
+    if deepest > 0.0 and first - float(x.min()) > style.BEFORE * deepest:
         margin = 0.02 * (deepest - first)
         panel.set_xlim(first - margin, deepest + margin)
 
@@ -242,7 +227,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     load, newton = style.unit_for(force[seen], "force")
     with style.panel(ax, height=3.2) as panel:
         shown = seen & (force > 0.0)
-        step = max(1, np.count_nonzero(shown) // _MOST_POINTS)
+        step = max(1, np.count_nonzero(shown) // style.MOST_POINTS)
         x, y = travel[shown][::step] / metre, force[shown][::step] / newton
         panel.loglog(x, y, ".", ms=2.2, color=style.DATA, label="measured")
         order = np.argsort(travel[seen])
@@ -306,7 +291,7 @@ def _measured(
     """
     measured, residual, offset = result.curves[curve], result.residuals[curve], _offset(result, curve)
     load, newton = _axis_unit(measured.force - offset, "force")
-    step = -(-len(x) // _MOST_POINTS)
+    step = -(-len(x) // style.MOST_POINTS)
     upper, lower = style.with_strip(style.axes(ax, height=3.4))
     dots: dict[str, Any] = {"ms": 3.0, "mec": "none"}
     force = (measured.force - offset)[::step] / newton
@@ -364,7 +349,7 @@ def laws(
         ]
         for points, colour in ((curve, style.GREY), (used, style.DATA)):
             inside = np.flatnonzero((points.depth >= low) & (points.depth <= high))
-            step = inside[:: max(1, len(inside) // _MOST_POINTS)]
+            step = inside[:: max(1, len(inside) // style.MOST_POINTS)]
             x, y = (points.depth[step] - contact) / metre, points.force[step] / newton
             ax.plot(x, y, ".", ms=3.0, color=colour)
         for (label, (depth, force)), (colour, stroke) in zip(lines.items(), LAW_STROKES, strict=False):
@@ -484,7 +469,7 @@ def drainage(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     peak = len(fitted) - 1 - int(np.argmax(fitted[::-1]))
     held = slice(peak, None)
     root = np.sqrt(measured.time[held] - measured.time[peak])
-    step = -(-len(root) // _MOST_POINTS)
+    step = -(-len(root) // style.MOST_POINTS)
     with style.panel(ax) as panel:
         for force, how in ((measured.force, "o"), (fitted, "-")):
             left = (force[held] - fitted[-1]) / (fitted[peak] - fitted[-1])

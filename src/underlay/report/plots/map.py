@@ -334,26 +334,22 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
             text.set_color(style.FIT if text.get_text().endswith(": mean") else style.INK)
         drawn.invert_yaxis()
         drawn.set_xlabel(words)
-        plain = FuncFormatter(lambda value, _: f"{value:g}")
-        drawn.xaxis.set_major_formatter(plain)
+        drawn.xaxis.set_major_formatter(style.PLAIN)
         narrow = np.divide(*drawn.get_xlim()[::-1]) < _NARROW
-        drawn.xaxis.set_minor_formatter(plain if narrow else FuncFormatter(_some))
+        drawn.xaxis.set_minor_formatter(style.PLAIN if narrow else FuncFormatter(_some))
         if result.by:
-            what = result.by[0]
-            handles = [
-                Line2D([], [], marker="o", color=style.DATA, lw=1.0, ms=4.0, label=f"{what}, 95 %"),
-                Line2D(
-                    [],
-                    [],
-                    marker="o",
-                    mfc="white",
-                    mec=style.GREY,
-                    ls="none",
-                    ms=4.0,
-                    label="its curves alone",
-                ),
-                Line2D([], [], marker="D", color=style.FIT, lw=2.4, ms=5.0, label="mean of the group, 95 %"),
-            ]
+            marks: Any = {
+                f"{result.by[0]}, 95 %": {"marker": "o", "color": style.DATA, "lw": 1.0, "ms": 4.0},
+                "its curves alone": {
+                    "marker": "o",
+                    "mfc": "white",
+                    "mec": style.GREY,
+                    "ls": "none",
+                    "ms": 4.0,
+                },
+                "mean of the group, 95 %": {"marker": "D", "color": style.FIT, "lw": 2.4, "ms": 5.0},
+            }
+            handles = [Line2D([], [], label=words, **mark) for words, mark in marks.items()]
             drawn.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return drawn
 

@@ -81,17 +81,9 @@ def _bars(panel: Axes, found: PointwiseModulus, metre: float, pascal: float) -> 
     closed = np.isfinite(own.high) & (own.low > 0.0) & np.isfinite(own.modulus)
     arms = np.zeros((2, len(own.modulus)))
     arms[:, closed] = np.array([own.modulus - own.low, own.high - own.modulus])[:, closed] / pascal
-    panel.errorbar(
-        found.depth / metre,
-        own.modulus / pascal,
-        arms,
-        fmt="o",
-        ms=3.0,
-        mec="none",
-        color=style.FIT,
-        elinewidth=0.8,
-        label="layer on substrate" if found.layered else "half-space",
-    )
+    label = "layer on substrate" if found.layered else "half-space"
+    how: Any = {"fmt": "o", "ms": 3.0, "mec": "none", "color": style.FIT, "elinewidth": 0.8, "label": label}
+    panel.errorbar(found.depth / metre, own.modulus / pascal, arms, **how)
 
 
 def _shown(found: PointwiseModulus, answer: Answer | None, level: float) -> FloatArray:

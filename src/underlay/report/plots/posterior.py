@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 from scipy import ndimage
 
 from underlay._arrays import FloatArray
@@ -164,9 +164,7 @@ def _scaled(axis: Axis, set_scale: Callable[[str], None], column: _Column) -> No
         axis.set_major_locator(MaxNLocator(3, prune="both"))
         return
     set_scale("log")
-    axis.set_major_locator(LogLocator(numticks=4))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
+    style.plain_ticks(axis, LogLocator(numticks=4))
 
 
 def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) -> Axes:
@@ -246,14 +244,8 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
         if np.isfinite(error) and error > 0.0:
             # By its own width: it may be a hundredth of the profile's, or stand beside it.
             z = np.sqrt(top) * np.linspace(-1.0, 1.0, 201)
-            drawn.plot(
-                (value + z * error) / factor,
-                z * z,
-                "-",
-                lw=0.9,
-                color=style.REFERENCE,
-                label="standard error",
-            )
+            how: Any = {"lw": 0.9, "color": style.REFERENCE, "label": "standard error"}
+            drawn.plot((value + z * error) / factor, z * z, "-", **how)
         drawn.set_ylim(0.0, top)
         ends = np.array([value, *(end for part in parts for end in _reach(part, top))]) / factor
         room = 0.05 * np.ptp(ends)

@@ -21,7 +21,6 @@ from underlay.scene.scene import Scene
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
 _WIDTH, _DEEPEST = 2.6, 5.0
-_POINTS = 400
 # A layer thinner than this share of the picture has no room for words.
 _THIN = 0.2
 # Deeper layers in turn, so that neighbours differ.
@@ -100,7 +99,7 @@ def scene(
 def _draw_layer(
     ax: Axes, test: Scene, tip: float, radius: float, half: float, shown: float, factor: float
 ) -> None:
-    r = np.linspace(0.0, half, _POINTS)
+    r = np.linspace(0.0, half, style.LINE_POINTS)
     surface = np.zeros_like(r)
     if radius > 0.0:
         inside = r <= radius
@@ -149,21 +148,15 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
     inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
     places = style.apart(np.array(middles), lines * _LINE * inch, bottom)
     along = ax.get_yaxis_transform()
+    line: Any = {"transform": along, "color": style.INK, "lw": 0.6, "clip_on": False}
     for name, middle, place in zip(names, middles, places.tolist(), strict=True):
-        ax.plot(
-            [1.0, 1.04],
-            [middle / factor, place / factor],
-            transform=along,
-            color=style.INK,
-            lw=0.6,
-            clip_on=False,
-        )
+        ax.plot([1.0, 1.04], [middle / factor, place / factor], **line)
         ax.text(1.05, place / factor, name, transform=along, va="center", ha="left")
 
 
 def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
     reach = min(half, test.indenter.max_radius)
-    r = np.linspace(0.0, reach, _POINTS)
+    r = np.linspace(0.0, reach, style.LINE_POINTS)
     both, height = _mirrored(r, test.indenter.surface(r) - tip)
     ax.fill_between(
         both / factor, height / factor, top / factor, where=height < top, color=style.METAL, lw=0.0
@@ -268,13 +261,8 @@ def effects(
             drawn.text(0.99, 100.0 * wanted.tolerance, f"rtol = {wanted.tolerance:g}", **how, fontsize=7.0)
         drawn.set(xlabel=f"depth since contact ({length})", ylabel="change of the force (%)")
         if len(sizes.columns):
-            drawn.legend(
-                loc="lower left",
-                bbox_to_anchor=(0.0, 1.0),
-                borderaxespad=0.2,
-                title=title or None,
-                alignment="left",
-            )
+            above: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
+            drawn.legend(**above, title=title or None, alignment="left")
     return drawn
 
 

@@ -16,6 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from underlay._arrays import FloatArray
 from underlay._files import write_atomic
@@ -43,6 +45,12 @@ GREY = "#b0b0b0"
 INK, METAL, LAYER, SUBSTRATE = "#1c2126", "#c3c9d1", "#dcebf7", "#cbbfa9"
 #: Blue for negative, orange for positive, distinguishable with every common colour vision.
 DIVERGING = "PuOr_r"
+#: Points of a curve: more than the picture has pixels only make the file heavy. Points of a smooth line.
+MOST_POINTS, LINE_POINTS = 1500, 400
+#: Share of the contact that is shown of the flat part before it.
+BEFORE = 0.35
+#: Numbers of an axis without powers of ten.
+PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
 #: Dark to light in even steps, also without colour.
 SEQUENTIAL = "cividis"
 
@@ -160,6 +168,13 @@ def unit_of(value: float, kind: str) -> tuple[str, float]:
     """Return the unit that suits `value` (SI): printed name and SI value."""
     unit, factor = human_unit(value, kind)
     return printed_unit(unit), factor
+
+
+def plain_ticks(axis: Axis, locator: Locator) -> None:
+    """Set plain numbers at the places of a locator on a logarithmic axis, and none between them."""
+    axis.set_major_locator(locator)
+    axis.set_major_formatter(PLAIN)
+    axis.set_minor_locator(NullLocator())
 
 
 def with_unit(words: str, unit: str) -> str:
