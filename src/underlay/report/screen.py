@@ -8,6 +8,7 @@ open end.
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,6 +19,7 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay.errors import UnderlayError
 from underlay.inference.batch.results_table import fitted_names
+from underlay.inference.sampling.derived import DERIVED
 from underlay.inference.uncertainty.answer import Advice, Answer, Contribution
 from underlay.mechanics.relaxation import Prony
 from underlay.mechanics.solvers import HalfSpace
@@ -201,8 +203,12 @@ def name_of(parameter: str) -> tuple[str, str]:
 def _letter(name: str) -> str:
     """Return the letter of a parameter in plain text, such as E, h or nu; ``"value"`` where it has none."""
     path = path_of(name)
-    letter = {"layer.thickness": "h", "substrate.E": "Es"}.get(path) or path.rpartition(".")[2]
-    return letter if declared(path).label and len(letter) < 8 else "value"
+    last = path.rpartition(".")[2]
+    letter = {"layer.thickness": "h", "substrate.E": "Es"}.get(path, last)
+    known = DERIVED.get(last) or declared(path)
+    if known is declared(path) and known.label and len(letter) < 8:
+        return letter
+    return re.sub(r"[\\_{}]", "", known.symbol) or "value"
 
 
 # --- a verdict ----------------------------------------------------------------------------------------------
@@ -299,7 +305,8 @@ def _fit_lines(fit: Fit) -> Iterator[str]:
     if isinstance(relaxation, Prony):
         shares = ", ".join(f"{100.0 * share:.0f} %" for share in relaxation.fractions)
         times = ", ".join(format_quantity(time, "time") for time in relaxation.times)
-        yield line("Relaxation", f"{shares} with time constants {times}")
+        many = "s" if len(relaxation.times) > 1 else ""
+        yield line("Relaxation", f"{shares} with time constant{many} {times}")
     pull = fit.scenes[0].instrument.baseline - lowest
     if fit.scenes[0].adhesion is not None and pull > 0.0:
         yield line("Pull-off", f"{format_quantity(pull, 'force')}: the lowest force against the baseline")
@@ -328,15 +335,16 @@ def _behind(answers: list[Answer], fit: Fit) -> Iterator[str]:
 
 
 def told_names(fit: Fit) -> list[str]:
-    """Return the names of the sample's fitted and derived parameters, each once, derived ones first.
+    """Return the names of the sample's fitted and derived parameters, each once.
 
-    The moduli of a relaxing layer replace its ``layer.E`` and relaxation parameters.
+    The moduli of a relaxing layer come first: they replace its ``layer.E`` and relaxation parameters.
     """
     names = [name for name in (*fit.names, *fit.derived) if is_of_the_sample(name)]
     derived = {path_of(name).rpartition(".")[2] for name in fit.derived}
-    if "instantaneous_modulus" in derived:
-        names = [name for name in names if path_of(name) != "layer.E" and ".relaxation." not in name]
-    return sorted(names, key=lambda name: name not in fit.derived)
+    if "instantaneous_modulus" not in derived:
+        return names
+    others = [name for name in names if path_of(name) != "layer.E" and ".relaxation." not in name]
+    return sorted(others, key=lambda name: name not in fit.derived)
 
 
 def by_depth_words(found: PointwiseModulus) -> str:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _SHALLOWEST = 3e-3
 # Points over which the residual of a comparison is averaged, as a share of the curve.
 _SMOOTHED = 0.015
+_LATE = 0.75  # share of a record, and of its force, beyond which labels have room if nothing is there
 # Of a picture on a page: crisp enough, and drawn in half the time of one for print.
 _DPI = 130
 #: Colour and stroke of the laws beside a curve, in their order.
@@ -171,11 +172,16 @@ def _half_space_line(upper: Axes, lower: Axes, what: tuple[Fit, FloatArray, floa
     return f"half-space (Hertz), best fit: {style.in_words(bare.values['layer.E'], 'pressure', digits=3)}"
 
 
-def _say(panel: Axes, words: Sequence[tuple[str, str]]) -> None:
-    """Write labels in the colours of their marks, from the top left down, where a rising curve leaves room."""
+def _say(panel: Axes, words: Sequence[tuple[str, str]], *, right: bool = False) -> None:
+    """Write labels in the colours of their marks, from the top left down, where a rising curve leaves room.
+
+    With `right` they are at the top right.
+    """
     left = panel.transAxes.inverted().transform(panel.transData.transform((0.0, 0.0)))[0]
     place = max(float(left), 0.0) + 0.02 if left < 0.45 else 0.02
     where: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
+    if right:
+        place, where["ha"] = 0.98, "right"
     for row, (text, colour) in enumerate(words):
         panel.annotate(text, (place, 0.985), xytext=(0.0, -11.0 * row), color=colour, **where)
 
@@ -277,7 +283,10 @@ def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     with style.style():
         upper, lower, newton, offset = _measured(result, curve, measured.time, ax)
         upper.plot(measured.time, (measured.force - residual - offset) / newton, color=style.FIT, label="fit")
-        _say(upper, [("measured", style.DATA), ("fit", style.FIT)])
+        late = measured.force[measured.time > measured.time[0] + _LATE * np.ptp(measured.time)]
+        # A force that has fallen by then leaves room on the right.
+        falls = late.size > 0 and float(late.max()) < measured.force.min() + _LATE * np.ptp(measured.force)
+        _say(upper, [("measured", style.DATA), ("fit", style.FIT)], right=falls)
         lower.set_xlabel("Time (s)")
     return upper
 
