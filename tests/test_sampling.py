@@ -440,6 +440,20 @@ def test_resume_begins_where_there_is_nothing_yet(tmp_path):
 # --- bad input --------------------------------------------------------------------------------------------
 
 
+def test_baselines_without_a_prior_get_wide_bounds():
+    half = ul.Scene(ul.Paraboloid(2.5e-6), ul.Layer(ul.Isotropic(5e3, 0.5)), uncertainties="none")
+    depth, noise = np.linspace(-1e-6, 1e-6, 300), ul.Noise(force=2e-11)
+    curves = [ul.synthesize(half, depth, noise, np.random.default_rng(seed)) for seed in range(2)]
+    free = {"layer.E": (1e2, 1e6), "instrument.baseline": None}
+    problem = ul.Problem.joint([(half, one) for one in curves], free, ["layer.E"], noise)
+    with pytest.warns(
+        ul.UnderlayWarning, match=r"baseline\[0\], instrument.baseline\[1\]: no bounds and no prior"
+    ):
+        posterior = ul.sample(problem, method="importance")
+    assert 5e3 in posterior.answer("layer.E").interval
+    assert 0.0 in posterior.answer("instrument.baseline[1]").interval
+
+
 def test_an_improper_prior_is_refused():
     problem = ul.Problem(halfspace_scene(), halfspace_curve(), {"layer.E": None}, ul.Noise(force=WHITE))
     assert isinstance(problem.priors["layer.E"], Flat)

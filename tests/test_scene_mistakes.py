@@ -224,7 +224,7 @@ def test_too_few_walkers_are_refused_with_the_least_number(done, refused, tmp_pa
         assert "8 walkers are too few for 4 parameters: at least 10 are needed" in err
     out = done(*words, "--walkers", "10", "--max-steps", "100")
     # The baseline has no bounds in this scene file, and a sampler needs some.
-    assert "baseline: no bounds in [fit], so within ten times the range of the curve" in out
+    assert "baseline: no bounds and no prior, so within ten times the range of the curve" in out
 
 
 SLOW = ul.TransverselyIsotropic(E=1e6, E_axial=1e8, nu=0.3, nu_axial=0.2, G_axial=1e4)

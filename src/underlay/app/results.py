@@ -29,7 +29,7 @@ from underlay.app.work import Tell
 from underlay.data.curve import Curve
 from underlay.errors import InputError, gathered_warnings
 from underlay.inference.films import fit_film
-from underlay.inference.from_files import problem_from, weak_bounds
+from underlay.inference.from_files import problem_from
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.sampling.run import sample
@@ -117,7 +117,7 @@ def sample_posterior(
             tell(Progress(done, needed, words))
 
     with gathered_warnings() as notes:
-        problem = problem_from(file, curve, weak_bounds(file, curve))
+        problem = problem_from(file, curve)
         tell(Progress(0, most, _OPEN_NOISE if problem.noise_is_open else "looking for where to begin"))
         posterior = sample(problem, _WALKERS, most, backend=chain, resume=chain.exists(), progress=step)
     write_posterior(posterior, folder.results, stem)

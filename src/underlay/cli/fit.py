@@ -227,15 +227,13 @@ def sample(
 
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """
-    from underlay.inference.from_files import problem_from, read_for, weak_bounds
-    from underlay.report.labels import label
+    from underlay.inference.from_files import problem_from, read_for
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(options.scene_for(scene, curve, "sample"))
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
-    weak = weak_bounds(file, part)
-    problem = problem_from(file, part, weak)
+    problem = problem_from(file, part)
     if resume and method == "importance":
         raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
     chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
@@ -254,9 +252,6 @@ def sample(
         from underlay.report.details import posterior_parts
 
         say_parts(posterior_parts(posterior, {}))
-    if weak:
-        named = ", ".join(map(label, weak))
-        notes.append(f"{named}: no bounds in [fit], so within ten times the range of the curve")
     say_warnings(notes)
     if output is not None:
         from underlay.report.details import write_posterior

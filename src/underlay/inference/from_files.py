@@ -19,7 +19,7 @@ from underlay.data.withdrawal import imprint_of, remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible, size_notes
-from underlay.inference.priors import Given, Normal, Uniform, prior_from_numbers
+from underlay.inference.priors import Given, Normal, prior_from_numbers
 from underlay.inference.problem import Problem
 from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.scene import Scene
@@ -255,7 +255,7 @@ def _work(part: Curve) -> float:
     return float(0.5 * (part.force[1:] + part.force[:-1]) @ np.diff(part.depth))
 
 
-def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | None = None) -> Problem:
+def problem_from(file: SceneFile, curve: Curve) -> Problem:
     """Build the problem that a scene file states for a curve.
 
     Parameters
@@ -264,8 +264,6 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         The test, and the free parameters.
     curve : Curve
         The part of a curve that is fitted.
-    priors : mapping of path to prior, optional
-        Priors that replace those of the file.
 
     Raises
     ------
@@ -293,7 +291,7 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     )
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
-    free = {**free_of(file, curve), **(priors or {})}
+    free = free_of(file, curve)
     started = _started(file, curve)
     if "layer.E" in free and "layer.E" in file.stated:
         curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *size_notes(started, curve)))
@@ -311,24 +309,6 @@ def _started(file: SceneFile, curve: Curve) -> Scene:
     found = find_contact(curve, scene=file.scene).depth
     inside = [depth for depth in (found, 0.5 * (entry.low + entry.high)) if entry.low < depth < entry.high]
     return file.scene.with_values({_CONTACT: inside[0]}) if inside else file.scene
-
-
-def weak_bounds(file: SceneFile, curve: Curve) -> dict[str, Given]:
-    """Wide uniform priors for a free baseline and its slope where the scene file gives none, by path.
-
-    A sampler needs proper priors. The force is linear in both, and ten times the span of the curve contains all
-    possible values.
-    """
-    force = _WEAK * float(np.ptp(curve.force))
-    widths = {
-        "instrument.baseline": force,
-        "instrument.baseline_slope": force / float(np.ptp(curve.depth)),
-    }
-    return {
-        entry.path: Uniform(-widths[entry.path], widths[entry.path])
-        for entry in file.free
-        if entry.path in widths and entry.prior is None and np.isinf([entry.low, entry.high]).all()
-    }
 
 
 def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:

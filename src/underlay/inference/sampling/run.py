@@ -40,6 +40,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.model.laws import quiet_law
+from underlay.inference.priors import Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.sampling import chain_file
 from underlay.inference.sampling.chain_file import ChainFile
@@ -66,6 +67,9 @@ _FIRST_CHECK, _GROWTH = 100, 1.15
 # Default limits: steps, and processor seconds, since without a table laws are solved one by one and so many steps
 # may take an hour.
 _MOST_STEPS, _MOST_SECONDS = 20_000, 300.0
+# Bounds of a baseline without any, over the range of the curve.
+_WEAK = 10.0
+_BASELINE, _SLOPE = "instrument.baseline", "instrument.baseline_slope"
 # Share of evaluations that may fail without a warning.
 _TOLERATED_FAILURES = 0.01
 # Number of resampled draws for each weighted one (an error of 0.01 standard deviations is left), and of the columns
@@ -125,8 +129,8 @@ def sample(
     Raises
     ------
     InputError
-        If a prior is improper, there are too few walkers or steps, the file exists and `resume` is not set, or it
-        holds the chain of another problem.
+        If a prior but the baseline's is improper, there are too few walkers or steps, the file exists and `resume`
+        is not set, or it holds the chain of another problem.
     FitError
         If nothing can be fitted, or ``"importance"`` is requested and the weights are not trusted: it says why.
     MissingExtraError
@@ -135,11 +139,13 @@ def sample(
     Warns
     -----
     UnderlayWarning
-        If it did not converge, or more than 1 % of the model evaluations failed.
+        If it did not converge, more than 1 % of the model evaluations failed, or a baseline without a prior was
+        given bounds: ten times the range of the curve.
     """
     require_given(problem, "problem", Problem)
     limit = math.inf if max_steps is not None else time.process_time() + _MOST_SECONDS
     max_steps = _MOST_STEPS if max_steps is None else max_steps
+    problem = _with_proper_baseline(problem)
     _check(problem, walkers, max_steps, method, backend, resume=resume)
     began = time.perf_counter()
     seed, generator = _seeded(rng)
@@ -185,6 +191,31 @@ def _judged(
     if by_weights and not (drawn.refused or disagreement):
         return _Answer.of_weights(drawn, rng, run)
     return _Answer.of_chain(run, outcome, drawn, disagreement)
+
+
+def _with_proper_baseline(problem: Problem) -> Problem:
+    """The problem with wide uniform priors for baselines and their slopes that have none.
+
+    A sampler needs proper priors. The force is linear in both, and ten times the range of the curve contains all
+    possible values.
+    """
+    weak = {}
+    for member in problem.members:
+        force = _WEAK * float(np.ptp(member.curve.force))
+        widths = {_BASELINE: force, _SLOPE: force / float(np.ptp(member.curve.depth))}
+        for path, width in widths.items():
+            entry = member.entries.get(path)
+            if entry is not None and not problem.coordinates[entry].prior.proper:
+                weak[problem.names[entry]] = Uniform(-width, width)
+    if not weak:
+        return problem
+    warnings.warn(
+        f"{', '.join(weak)}: no bounds and no prior, so within ten times the range of the curve",
+        UnderlayWarning,
+        stacklevel=4,
+    )
+    bounded = problem.revised(free={**problem.free, **weak})
+    return bounded if problem.likelihood is None else bounded.with_likelihood(problem.likelihood)
 
 
 def _check(
