@@ -28,8 +28,6 @@ from underlay.mechanics.inverse import depth_at_loads
 from underlay.mechanics.response import Response
 from underlay.units import format_quantity
 
-__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "OnLaw", "ScaledLaw"]
-
 #: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
 CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; ask for less depth, or build it for more"
 _LARGEST = float(np.finfo(float).max)

@@ -26,18 +26,6 @@ from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 
-__all__ = [
-    "FRICTIONS",
-    "DiscrepantLaw",
-    "as_friction",
-    "excess_of",
-    "finite_strain_excess",
-    "friction_in_large_strains",
-    "further_of",
-    "require_measured",
-    "why_unmeasured",
-]
-
 #: ``"none"``: points slide freely. ``"stuck"``: they stick where they touch. ``"unknown"``: computed without, and
 #: what friction could do is said beside a fit. What real friction does lies between the two.
 FRICTIONS = ("unknown", "none", "stuck")

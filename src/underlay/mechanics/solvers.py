@@ -41,22 +41,6 @@ from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stuck.law import stuck_law
 from underlay.plugins import SOLVERS, Plugin, faults, plugins
 
-__all__ = [
-    "AnySolver",
-    "Asymptotic",
-    "Auto",
-    "Exact",
-    "HalfSpace",
-    "Published",
-    "Stuck",
-    "as_solver",
-    "contact_law",
-    "plugged_solvers",
-    "solver_named",
-    "solver_names",
-    "solver_record",
-]
-
 # Of rtol, what may be lost by joining layers.
 _SHARE_OF_JOINS = 0.2
 _RANGES = 4096  # more than there are powers of two

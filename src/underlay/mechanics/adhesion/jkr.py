@@ -47,18 +47,6 @@ from underlay.mechanics.exact.nodes import legendre_rule
 from underlay.quantities import one_of, quantity
 from underlay.units import format_quantity
 
-__all__ = [
-    "JKR",
-    "WORK",
-    "JKRBranch",
-    "MaugisState",
-    "RangeLimit",
-    "elastic_tolerance",
-    "jkr_branch",
-    "maugis_state",
-    "range_limit",
-]
-
 # 40 nodes reach 12 digits at a/h = 0.5 and 1; twice as many for wide contacts.
 _NODES, _WIDE_NODES, _WIDE = 40, 80, 3.0
 _RTOL = 1e-12

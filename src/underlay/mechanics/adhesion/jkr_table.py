@@ -33,8 +33,6 @@ from underlay.mechanics.adhesion.radius_relation import RadiusRelation, largest_
 from underlay.mechanics.contact import AdhesionTable, AdhesiveReadings, Contact
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["Columns", "JKRTable", "PunchNodes", "Quantity", "Span"]
-
 _OCTAVES, _PER_OCTAVE = 12, 20
 # Spans of the ratio, with edges at no round number; at 11 points the polynomial is good to 9^-11 = 3e-11.
 _SPAN, _EDGE, _POINTS = float(np.log(4.0)), float(np.log(1.37)), 11

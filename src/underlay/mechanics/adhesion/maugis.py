@@ -34,8 +34,6 @@ from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.quantities import quantity
 
-__all__ = ["DMT", "DMTLaw", "Maugis", "MaugisState", "maugis_state"]
-
 # The curve of a law: solved at so many radii in each decade, and interpolated to about 1e-6.
 _PER_DECADE = 24
 _CURVE_RTOL = 1e-6

@@ -42,15 +42,6 @@ from underlay.mechanics.exact.nodes import TABLES, even_rule, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 
-__all__ = [
-    "AtRadius",
-    "HalfspaceRelation",
-    "RadiusRelation",
-    "kernel_rule",
-    "largest_radius",
-    "solve_relation",
-]
-
 # Of the tolerance asked: nodes and truncation both stay below, and derivatives lose a digit.
 _SHARE = 0.03
 _FINEST = 1e-12

@@ -21,23 +21,6 @@ from underlay._arrays import FloatArray
 from underlay.mechanics.body import Real
 from underlay.mechanics.indenters import abel_factor
 
-__all__ = [
-    "Series",
-    "compliance_depth_coefficients",
-    "force_coefficients",
-    "force_factor",
-    "force_prefactor",
-    "inverse_coefficients",
-    "kappa_coefficients",
-    "kappa_infinity",
-    "kappa_infinity_coefficients",
-    "kernel_terms",
-    "parametric_depth_coefficients",
-    "radius_coefficients",
-    "scaled_contact_coefficients",
-    "truncated",
-]
-
 #: Coefficients of x, x^2, x^3, x^4 in 1 + ...
 Series: TypeAlias = "tuple[Real, Real, Real, Real]"
 

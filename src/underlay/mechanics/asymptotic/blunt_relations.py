@@ -18,19 +18,6 @@ from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.body import Real
 from underlay.mechanics.indenters import abel_factor
 
-__all__ = [
-    "BluntLayer",
-    "compliance_depth",
-    "compliance_radius",
-    "explicit_force",
-    "explicit_radius",
-    "explicit_stiffness",
-    "parametric_depth",
-    "parametric_stiffness",
-    "scaled_depth",
-    "scaled_force",
-]
-
 
 class BluntLayer(NamedTuple):
     """A power-law indenter A r^lambda on a layer: lambda, A (m^(1-lambda)), theta (Pa), h (m), a_0, a_1.

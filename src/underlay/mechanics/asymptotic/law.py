@@ -49,22 +49,6 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 
-__all__ = [
-    "FORMS",
-    "AsymptoticLaw",
-    "Moments",
-    "asymptotic_law",
-    "choose_form",
-    "contact_series",
-    "fifth_coefficient",
-    "force_error",
-    "kernel_moments",
-    "omitted_terms",
-    "punch_error",
-    "punch_factor",
-    "sixth_coefficient",
-]
-
 #: (a_0, a_1, a_2) of (1.8).
 Moments: TypeAlias = tuple[float, float, float]
 # The error can pass through zero on its way up; four depths see it on either side.

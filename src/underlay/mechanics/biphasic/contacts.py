@@ -28,17 +28,6 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.relaxation import Modes
 
-__all__ = [
-    "DrainingPunch",
-    "DrainingTip",
-    "PunchTable",
-    "RampTable",
-    "Ramped",
-    "SingleRamp",
-    "TipRecord",
-    "comes_off",
-]
-
 # Forces above minus this share of the largest are what the noise of a depth record makes of none.
 _RIPPLED = 1e-3
 # Of the depth: what a hold may fall back by.

@@ -41,8 +41,6 @@ from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Doubt, Invertible, WholeHistory
 from underlay.quantities import numbers_of, replace_values
 
-__all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
-
 CONTACT_DEPTH = "instrument.contact_depth"
 _E, _K, _NU, _AXIAL = "layer.E", "layer.permeability", "layer.nu", "layer.E_axial"
 _THICKNESS, _RADIUS = "layer.thickness", "indenter.radius"

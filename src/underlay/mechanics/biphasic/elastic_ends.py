@@ -14,12 +14,6 @@ from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import FlatPunch, Indenter
 from underlay.mechanics.kernel import LayerKernel
 
-__all__ = [
-    "ComplexArray",
-    "elastic_law",
-    "punch_factor",
-]
-
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
 # Of the ends of a response, whose own error is 1e-5 of them.

@@ -30,14 +30,6 @@ from underlay.errors import InputError
 from underlay.mechanics.biphasic.elastic_ends import ComplexArray
 from underlay.mechanics.biphasic.material import Skeleton
 
-__all__ = [
-    "DRAINAGES",
-    "ShapeRule",
-    "as_drainage",
-    "edge_signs",
-    "galerkin",
-]
-
 #: How water leaves: not through the tip, through tip and surface, or nowhere at the surface (an intact skin).
 DRAINAGES = ("solid", "porous", "sealed")
 

@@ -14,13 +14,6 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError
 from underlay.mechanics.biphasic.response import Response
 
-__all__ = [
-    "Polyline",
-    "followed",
-    "ramp_and_hold",
-    "ramps_and_holds",
-]
-
 # Entries of a table of lags that are worked on at once.
 _AT_ONCE = 2_000_000
 # Slopes below this share of the largest are the rounding of a straight line.

@@ -21,8 +21,6 @@ from underlay.mechanics.biphasic.material import Biphasic
 from underlay.mechanics.biphasic.punch_table import Axis
 from underlay.mechanics.indenters import Paraboloid, Sphere
 
-__all__ = ["Layers", "lattice_forces", "punch_forces", "tip_forces"]
-
 # A44/A33 from incompressible to nu = 0: the compliance of a drained layer is a polynomial in it, to 1e-9.
 _SOFTNESS = Axis(0.0, 0.5, 16)
 # Spacing of the lattice, of logarithms and of Poisson's ratios, fractions and so on: parabolas between its points

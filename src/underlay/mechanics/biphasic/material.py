@@ -25,13 +25,6 @@ from underlay.mechanics.body import Material, PlaneConstants
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.quantities import quantity
 
-__all__ = [
-    "Biphasic",
-    "BiphasicMaterial",
-    "BiphasicTransverse",
-    "Skeleton",
-]
-
 _PERMEABILITY = "m^4/(N s)"
 
 

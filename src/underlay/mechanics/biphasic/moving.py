@@ -36,8 +36,6 @@ from underlay.mechanics.biphasic.surface import Sampled, SurfaceKernel, Wavenumb
 from underlay.mechanics.biphasic.transfer import operational
 from underlay.mechanics.relaxation import Modes
 
-__all__ = ["FIRST_RATE", "MovedContact", "MovingContact", "Past", "StepWeights", "Steps"]
-
 #: delta(0): the Laplace variable of the present step is this over dt.
 FIRST_RATE = 1.5
 # rho^L: wrap-around is below it, rounding is the machine's over it.

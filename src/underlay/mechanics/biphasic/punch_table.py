@@ -29,17 +29,6 @@ from underlay.mechanics.biphasic.response import Response, table_times
 from underlay.mechanics.biphasic.transfer import PunchTransfer, relaxation
 from underlay.mechanics.body import PlaneConstants
 
-__all__ = [
-    "STATED_ERROR",
-    "STATED_ERROR_OF_ENDS",
-    "Axis",
-    "IsotropicTable",
-    "ResponseTable",
-    "build",
-    "measured_error",
-    "shipped",
-]
-
 #: Largest error of g anywhere in the table, and of the ends, relative.
 STATED_ERROR, STATED_ERROR_OF_ENDS = 1e-4, 1e-9
 _SPAN = (1e-4, 100.0)

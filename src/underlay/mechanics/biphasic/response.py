@@ -32,14 +32,6 @@ from scipy.optimize import minimize_scalar
 from underlay._arrays import FloatArray
 from underlay.mechanics.biphasic.elastic_ends import ComplexArray
 
-__all__ = [
-    "Contour",
-    "Response",
-    "invert",
-    "table_times",
-    "windows",
-]
-
 # Decades of time that one contour serves, and what an end is kept off the open interval of its angle.
 _DECADES = 1.5
 _OFF = 1e-3

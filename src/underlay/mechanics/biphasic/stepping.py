@@ -21,11 +21,6 @@ from underlay.mechanics.biphasic.material import Skeleton
 from underlay.mechanics.biphasic.moving import MovingContact
 from underlay.mechanics.relaxation import Modes
 
-__all__ = [
-    "Stepping",
-    "between_bends",
-]
-
 # The longest step (l^2/c), and the order in the step.
 _LONGEST_STEP, _ORDER = 0.02, 1.5
 # Steps of a level, how much coarser the next one is, and the most steps of a history without levels.

@@ -30,15 +30,6 @@ from underlay.mechanics.biphasic.material import Biphasic
 from underlay.mechanics.biphasic.punch_table import Axis, ResponseTable
 from underlay.mechanics.indenters import Paraboloid
 
-__all__ = [
-    "STATED_ERROR",
-    "RampedTip",
-    "TipTable",
-    "build",
-    "measured_error",
-    "shipped",
-]
-
 #: Largest error of q, on the ramp times the part of P0 reached: of P/P0 it is less.
 STATED_ERROR = 1.5e-3
 

@@ -29,16 +29,6 @@ from underlay.mechanics.biphasic.response import Response, invert
 from underlay.mechanics.biphasic.surface import BesselRule, Sampled, SurfaceKernel, WavenumberRule
 from underlay.mechanics.relaxation import Modes
 
-__all__ = [
-    "PunchTransfer",
-    "Relaxing",
-    "Transfer",
-    "creep",
-    "operational",
-    "relaxation",
-    "span_of",
-]
-
 #: Times (a^2/c) of a table.
 _SPAN = (1e-3, 30.0)
 # Shares of the shortest and longest relaxation time that it reaches to.

@@ -38,8 +38,6 @@ from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, pr
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
 
-__all__ = ["CurveBatch", "ExactBatch", "curves_through"]
-
 # Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
 _CHUNK = 16384
 # Products of cosines that a batch may ask for, at some 0.1 s a set, and up to which they are kept, 16 MB, for every

@@ -42,21 +42,6 @@ from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales, values_of
 
-__all__ = [
-    "LARGEST_EPS",
-    "SHARE_OF_CURVE",
-    "SHARE_OF_NODES",
-    "SOFT",
-    "UNEVEN",
-    "ContactProblem",
-    "RadiusGuess",
-    "SolvedCurve",
-    "contact_factors",
-    "solve_curve",
-    "too_wide",
-    "weights_over_depth",
-]
-
 #: Largest contact radius over thickness that is solved for.
 LARGEST_EPS = 20.0
 # Towards a sphere's equator the coefficients fall unevenly, and a pole is near: up to 8 times the

@@ -37,8 +37,6 @@ from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
 
-__all__ = ["family_batch", "side_by_side", "table_number", "tabulated_law"]
-
 
 def table_number(contact: Contact, depth: float) -> int:
     """Number of the range of varpi (half-space contact radius over thickness) whose table reaches `depth` (m)."""

@@ -25,8 +25,6 @@ from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolu
 from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExactLaw(ContactLaw):

@@ -26,24 +26,6 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 
-__all__ = [
-    "MOST_IN_POWERS",
-    "MOST_TERMS",
-    "Factor",
-    "MasterCurve",
-    "Pieces",
-    "Stretch",
-    "chebyshev_angles",
-    "chebyshev_coefficients",
-    "growth_beyond",
-    "in_powers",
-    "monomials",
-    "polynomial",
-    "reach",
-    "shortened",
-    "truncation_error",
-]
-
 # Of a base as stiff as the layer or stiffer. Rates of 1, 2 and 4 take 29, 28 and 29 terms for 1e-7 up to varpi = 5,
 # in the mean of paraboloids and cones on four bodies; 0.5 takes 31 and 10 takes 33.
 _STIFF_RATE = 2.0

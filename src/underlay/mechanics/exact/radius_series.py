@@ -20,8 +20,6 @@ from underlay.mechanics.exact.master_curve import (
     truncation_error,
 )
 
-__all__ = ["Branch", "RadiusSeries"]
-
 _NEWTON_STEPS = 60
 _BISECTIONS = 50
 # Points of the table per term of the series.

@@ -40,17 +40,6 @@ from underlay.mechanics.exact.nodes import PER_OCTAVE, TABLES, Resolution
 from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
 from underlay.mechanics.kernel.substrate import is_isotropic
 
-__all__ = [
-    "EXPONENT",
-    "FILE",
-    "STORED_ERROR",
-    "TOP",
-    "StoredCurves",
-    "grid",
-    "known_curve",
-    "stored_curve",
-]
-
 FILE = Path(__file__).with_name("stored_curves.npy")
 #: Relative error of the three factors, largest of 150 random bodies, and a fifth of it more: half of it is the
 #: single precision of the file. On bases softer than the ratio that follows it is the other one.

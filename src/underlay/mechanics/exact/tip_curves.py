@@ -66,8 +66,6 @@ from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import Indenter, PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, Scales
 
-__all__ = ["PunchCell", "PunchFamily", "TipContacts", "TipCurves", "punch_family", "tip_curves"]
-
 # Of the share of an error that a solution's nodes may take: what either interpolation leaves out. What the nodes
 # themselves leave out is rough in eps, and beyond a/h = 5 a series does not end above it: at 0.4 of the tolerance
 # there was no table, after 1 s of trying; at 0.005 there are, but for soft bases; at 0.0005, with 7 % more nodes,

@@ -21,8 +21,6 @@ from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curv
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Family
 
-__all__ = ["TipSets", "TipSlopes", "in_size", "tip_laws", "tip_range"]
-
 # On a base this much softer than its layer a table takes up to 0.6 s, mostly to tell that it errs by too much: a
 # law that is solved for takes 0.05.
 _SOFTEST = 1e-5

@@ -31,14 +31,6 @@ from underlay._arrays import FloatArray, PerSet, positive
 from underlay.errors import InputError
 from underlay.mechanics.body import SHAPES
 
-__all__ = [
-    "equivalent_radius",
-    "is_wide",
-    "kappa",
-    "require_wide",
-    "standard_error",
-]
-
 # A square as a round of the same area; by its half-width alone forces are 6.5 % off at w/R = 0.5, W 5 to 6.5
 # R.
 _OF_BLOCK = 2.0 / float(np.sqrt(np.pi))

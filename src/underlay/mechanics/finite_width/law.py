@@ -16,8 +16,6 @@ from underlay.mechanics.finite_width.compliance import equivalent_radius, kappa,
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.stiffening import StiffeningLaw
 
-__all__ = ["NarrowLaw", "Sides", "Sprung", "sides_at", "sides_of", "why_not_ignored"]
-
 # Newton's method on a force that rises ever faster comes from above and never passes: 4 to 6 steps.
 _MOST_STEPS = 50
 # Of the depth: it converges quadratically, so that after such a step rounding is left.

@@ -25,8 +25,6 @@ from underlay.mechanics.kernel.kernel import SOFTEST, Compliance, Kernel, Layers
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 from underlay.mechanics.kernel.substrate import material_contrast
 
-__all__ = ["StackKernel", "joined", "relative_effect", "sheets_of", "values_of"]
-
 # Radius and stiffness move by up to twice as much as the force; the rest is margin, as for `Auto`.
 _MARGIN = 4.0
 # First order holds below this.

@@ -16,8 +16,6 @@ from underlay.mechanics.body import Base, Material, PlaneConstants, magnitude
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Scales, lowest, u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 
-__all__ = ["LayerKernel", "SubstrateKernel", "is_isotropic", "material_contrast"]
-
 # On softer bases, in shear, the closed form loses digits: at the switch it errs by 1e-14 of L, the recursion by
 # 3e-15. Where 1 - L decays it keeps 1e-14 of it, at any ratio down to there.
 _SOFTEST_BASE = 1e-3

@@ -28,8 +28,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["SPHERE"]
-
 _P, _N, _M = 2.25, 1.5, 2.0 / 3.0
 
 

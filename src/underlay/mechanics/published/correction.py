@@ -23,33 +23,6 @@ from underlay.mechanics.body import Material
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 
-__all__ = [
-    "BASE_NU",
-    "DEPTH_OVER_RADIUS",
-    "DEPTH_RATIO",
-    "ELASTIC",
-    "FRICTIONLESS",
-    "KINDS",
-    "LAYER_NU",
-    "MATERIALS",
-    "MEASURED_RANGE",
-    "MODULUS_RATIO",
-    "RADIUS_RATIO",
-    "RIGID_BONDED",
-    "VARIABLES",
-    "ConstantFactor",
-    "Factor",
-    "LayerContact",
-    "Limit",
-    "MeasuredError",
-    "OutOfRange",
-    "PolynomialFactor",
-    "PublishedCorrection",
-    "Quantity",
-    "kind_of",
-    "tip_of",
-]
-
 #: The three kinds of indenter the literature corrects for, and the library's indenters of each kind.
 KINDS = {
     "sphere": (Paraboloid, Sphere),

@@ -27,8 +27,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["BONDED", "UNBONDED"]
-
 _SOURCE = "Dimitriadis, Horkay, Maresca, Kachar & Chadwick 2002, Biophysical Journal 82, 2798-2810"
 _DOI = "10.1016/S0006-3495(02)75620-8"
 _EQUATION = (

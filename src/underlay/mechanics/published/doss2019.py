@@ -25,8 +25,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["SPHERE"]
-
 
 @dataclass(frozen=True)
 class _DossFactor(Factor):

@@ -26,8 +26,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["PUNCH", "Weights", "gao_weights"]
-
 
 class Weights(NamedTuple):
     """Weight of the film, and Poisson's ratio of film and base together, under a flat punch.

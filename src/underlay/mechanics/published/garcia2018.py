@@ -16,8 +16,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["CONE", "PUNCH", "SPHERE"]
-
 _SOURCE = "Garcia & Garcia 2018, Biophysical Journal 114, 2923-2932"
 _DOI = "10.1016/j.bpj.2018.05.012"
 _ASSUMPTIONS = ("linear elasticity, no friction under the tip", "incompressible layer, nu = 0.5")

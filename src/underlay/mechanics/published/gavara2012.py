@@ -22,8 +22,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["CONE"]
-
 _ALPHA = 1.7795
 
 

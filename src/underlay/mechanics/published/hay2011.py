@@ -25,8 +25,6 @@ from underlay.mechanics.published.correction import (
 )
 from underlay.mechanics.published.gao1992 import gao_weights
 
-__all__ = ["PUNCH"]
-
 _F = 0.0626
 
 

@@ -22,8 +22,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["PUNCH"]
-
 _RADIUS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0)
 _KAPPA = {
     0.3: (1.0, 1.207, 1.472, 1.784, 2.124, 2.480, 2.845, 3.214, 3.586, 3.960, 4.336),

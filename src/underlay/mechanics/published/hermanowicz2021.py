@@ -25,8 +25,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["SPHERE"]
-
 _SWITCH = np.sqrt(0.4)
 _THICK = (1.0, 1.10534, 1.60675, 1.60183)
 # G of the thin branch in powers of X, X^5 absent.

@@ -45,8 +45,6 @@ from underlay.mechanics.published.correction import (
     tip_of,
 )
 
-__all__ = ["PublishedLaw", "fitting_correction", "published_corrections", "published_law", "published_names"]
-
 _CORRECTIONS = (
     dimitriadis2002.BONDED,
     dimitriadis2002.UNBONDED,

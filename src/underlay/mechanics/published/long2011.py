@@ -28,8 +28,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["SPHERE"]
-
 
 @dataclass(frozen=True)
 class _LongFactor(Factor):

@@ -18,8 +18,6 @@ from underlay.mechanics.published.correction import (
     PublishedCorrection,
 )
 
-__all__ = ["CONE"]
-
 _C = 1.7795 / np.pi**2
 
 

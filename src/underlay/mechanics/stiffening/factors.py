@@ -36,19 +36,6 @@ import numpy as np
 from underlay._arrays import FloatArray, PerSet
 from underlay.errors import RangeError
 
-__all__ = [
-    "FORM_SPREAD",
-    "LogFactor",
-    "Medium",
-    "Place",
-    "crowding",
-    "form",
-    "gent",
-    "known_errors",
-    "neo_hookean",
-    "ogden_size",
-]
-
 # Half-space, any nu, k = 1 - 2 nu: strains are linear in k, so that the integrals of I^2 and tr e'^3 over the
 # energy are these polynomials over (1 + k)^3 and (1 + k)^2. The coefficients are integrals of the closed
 # field of Hertz, to ten digits (tests/test_stiffening.py integrates them again).

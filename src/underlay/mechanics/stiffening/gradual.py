@@ -22,8 +22,6 @@ from scipy import interpolate, special
 
 from underlay._arrays import FloatArray, PerSet
 
-__all__ = ["FIRST_TOUCH", "GradualDepth", "gradual_depth", "moment", "series_moment"]
-
 _POWER = 1.5
 #: Depth, in standard deviations of the heights, from which on there is contact: 1e-17 of the force at +1.
 FIRST_TOUCH = -8.0

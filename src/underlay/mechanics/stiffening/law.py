@@ -28,8 +28,6 @@ from underlay.mechanics.stiffening.gradual import FIRST_TOUCH, GradualDepth, gra
 from underlay.mechanics.stiffening.limits import FORM_KNOWN_TO, largest_by_depth, require_known, require_reach
 from underlay.quantities import quantity
 
-__all__ = ["MARGIN", "FormUnknown", "Gent", "StiffLayer", "StiffeningLaw", "at_values"]
-
 # Step in ln w of d ln a/d ln w of the linear law, by central differences of fourth order: 1e-12 of it on laws
 # of the exact problem and on half-spaces, for steps of 3e-4 to 3e-3.
 _STEP = 1e-3

@@ -35,8 +35,6 @@ from underlay.mechanics.exact.punch_solution import proved_resolution
 from underlay.mechanics.exact.radius_series import RadiusSeries
 from underlay.mechanics.stuck.stuck_punch import Growth, StuckPunch, chebyshev_radii
 
-__all__ = ["stuck_law"]
-
 # A stuck contact at equal depth is 0.955 to 1.021 times as wide as a frictionless one.
 _WIDER = 1.03
 # Points that overshoot the wanted depth by more would only cost.

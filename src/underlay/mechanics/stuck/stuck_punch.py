@@ -23,17 +23,6 @@ from underlay.mechanics.exact.nodes import Resolution, even_legendre, even_rule
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel
 
-__all__ = [
-    "GROWTH_RULES",
-    "Basis",
-    "EndRule",
-    "Growth",
-    "StuckPunch",
-    "Transform",
-    "chebyshev_radii",
-    "end_rule",
-]
-
 ComplexArray = NDArray[np.complex128]
 # V_n falls as exp(-n alpha), y = cosh(alpha), and P_n grows so: where n alpha is more than this for the last n it
 # is found by ratios from above, elsewhere by P_n. Error at the switch, of V_n up to 20: 2e-14 for 12 functions,

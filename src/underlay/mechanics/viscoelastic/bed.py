@@ -19,8 +19,6 @@ from underlay.mechanics.response import Elastic, Invertible
 from underlay.mechanics.viscoelastic.equal_radius import EqualRadius, equal_radius
 from underlay.mechanics.viscoelastic.memory import Memory, even
 
-__all__ = ["Bed", "Creep", "crept", "depth_under"]
-
 # Two cycles of a paraboloid, relative to the largest force against four times as many of both: see the tests.
 _SPRINGS = 400
 _STEPS = 1600

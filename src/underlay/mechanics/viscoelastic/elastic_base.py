@@ -31,15 +31,6 @@ from underlay.mechanics.relaxation import Modes, Relaxation
 from underlay.mechanics.response import Response, checked_times
 from underlay.mechanics.viscoelastic.bed import Creep
 
-__all__ = [
-    "QUASI_ELASTIC_ERROR",
-    "PunchRelaxation",
-    "QuasiElastic",
-    "ages",
-    "punch_relaxation",
-    "stated_error",
-]
-
 # A base this much stiffer than the layer is as good as rigid.
 _AS_GOOD_AS_RIGID = 1e3
 #: Stated error of the quasi-elastic force where it is taken.
