@@ -234,6 +234,7 @@ DOORS = {
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
+    "mechanics/published/law": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "mechanics/biphasic/punch_table": {"np.load"},  # of the package itself
     "mechanics/biphasic/tip_table": {"np.load"},  # of the package itself
@@ -271,6 +272,7 @@ KEPT_FOR_THE_PROCESS = {
     "inference/uncertainty/columns": {"_eigenvectors"},
     "inference/uncertainty/hypotheses": {"_choices"},
     "mechanics/finite_width/compliance": {"_splines"},
+    "mechanics/published/law": {"published_corrections"},
     "mechanics/stiffening/gradual": {"_near"},
     "mechanics/biphasic/punch_table": {"shipped"},
     "mechanics/biphasic/tip_table": {"shipped"},

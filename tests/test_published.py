@@ -27,7 +27,7 @@ from support.published_errors import contact_of, exact_factor, factor_of, remeas
 from support.reference_contact import dyadic_rule
 from underlay.mechanics.published import OutOfRange, published_names
 from underlay.mechanics.published.correction import ELASTIC, PolynomialFactor
-from underlay.mechanics.published.dimitriadis2002 import _expansion
+from underlay.mechanics.published.formulas import dimitriadis_expansion
 
 CORRECTIONS = {(c.name, c.indenter): c for c in ul.published_corrections()}
 RIGID_ONES = [c for c in ul.published_corrections() if c.substrate != ELASTIC]
@@ -357,7 +357,7 @@ def test_dimitriadis_general_form_is_the_expansion_at_a_fixed_contact_radius():
     assert_allclose(a_1, -0.957769288898, rtol=1e-11)
     radii = np.array([0.02, 0.04])
     factor = fixed_radius_factor(BONDED, radii)
-    general = _expansion(-a_0, -a_1)
+    general = dimitriadis_expansion(-a_0, -a_1)
     flipped = PolynomialFactor((*general.coefficients[:4], -general.coefficients[4]))
     remainder, with_flip = (np.abs(factor - form.value(radii)) for form in (general, flipped))
     order = np.log2(remainder[1] / remainder[0])

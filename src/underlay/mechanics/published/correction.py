@@ -9,7 +9,7 @@ of how far the formula is from the exact contact problem.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Self
@@ -29,10 +29,7 @@ KINDS = {
     "cone": (Cone,),
     "flat punch": (FlatPunch,),
 }
-RIGID_BONDED = "rigid, layer bonded"
-FRICTIONLESS = "rigid, layer free to slip"
 ELASTIC = "elastic, layer bonded"
-MEASURED_RANGE = "measured: within 5 % of the exact contact law there"
 
 
 def kind_of(indenter: Indenter) -> str | None:
@@ -191,25 +188,19 @@ VARIABLES = {
 
 
 LAYER_NU = Quantity("nu of the layer", _layer_nu)
-
-
-BASE_NU = Quantity("nu of the base", _base_nu)
-
-
-MODULUS_RATIO = Quantity("E of the base over E of the layer", _modulus_ratio)
-
-
-RADIUS_RATIO = Quantity("R/h", _radius_ratio)
-
-
-DEPTH_RATIO = Quantity("d/h", _depth_ratio)
-
-
 DEPTH_OVER_RADIUS = Quantity("d/R", _depth_over_radius)
-
-
-#: What the error of a correction for an elastic base is measured at.
-MATERIALS = (MODULUS_RATIO, LAYER_NU, BASE_NU)
+#: What the ranges and the measured errors of the corrections are stated in, by name.
+QUANTITIES: Mapping[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        LAYER_NU,
+        Quantity("nu of the base", _base_nu),
+        Quantity("E of the base over E of the layer", _modulus_ratio),
+        Quantity("R/h", _radius_ratio),
+        Quantity("d/h", _depth_ratio),
+        DEPTH_OVER_RADIUS,
+    )
+}
 
 
 @dataclass(frozen=True)
@@ -300,7 +291,7 @@ class ConstantFactor(Factor):
 class MeasuredError:
     """Largest relative error of a correction's force up to a contact size, for given materials.
 
-    Each table is next to its formula. Its entries are the largest |P/P_exact - 1|, in per cent, between
+    Its entries are the largest |P/P_exact - 1|, in per cent, between
     zero and the contact size at the head of the column, rounded up to two digits. They were
     measured with a Nystrom solution of the Fredholm equation of the contact; the tests measure them again.
 
