@@ -5,7 +5,7 @@ import pytest
 from scipy import integrate, special
 
 import underlay as ul
-from underlay.mechanics.stiffening.gradual import gradual_depth, moment, series_moment
+from underlay.mechanics.stiffening.factors import gradual_depth, moment, series_moment
 from underlay.mechanics.stiffening.law import FormUnknown
 
 R = 25e-6

@@ -30,9 +30,8 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepancy import as_friction
 from underlay.mechanics.exact.curve_family import IsotropicPair, range_numbers
-from underlay.mechanics.exact.family_law import side_by_side, table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
-from underlay.mechanics.exact.tip_law import tip_laws, tip_range
+from underlay.mechanics.exact.table_laws import side_by_side, table_number, tabulated_law, tip_laws, tip_range
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Family
@@ -98,7 +97,7 @@ class _ToTolerance(Solver):
     def tabulated(
         self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
-        """Law read off a table, by `family_law.tabulated_law`; None without a table."""
+        """Law read off a table, by `table_laws.tabulated_law`; None without a table."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
     def kept_law(self, contact: Contact, depth: float) -> ContactLaw | None:
@@ -117,7 +116,7 @@ class _ToTolerance(Solver):
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Function from depths to the forces of several bodies, by `family_law.side_by_side`; or None."""
+        """Function from depths to the forces of several bodies, by `table_laws.side_by_side`; or None."""
         return side_by_side(contact, family, ratios, depth, self.rtol)
 
     def has_slopes(self, contact: Contact) -> bool:

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingPunch, DrainingTip
-from underlay.mechanics.biphasic.history import Polyline, followed, ramps_and_holds
+from underlay.mechanics.biphasic.history import Polyline, Response, followed, ramps_and_holds
 from underlay.mechanics.biphasic.judgement import (
     anisotropy_doubt,
     checked_hold,
@@ -33,7 +32,7 @@ from underlay.mechanics.biphasic.judgement import (
 )
 from underlay.mechanics.biphasic.many import Layers, lattice_forces, punch_forces, tip_forces
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicMaterial
-from underlay.mechanics.biphasic.response import Response
+from underlay.mechanics.biphasic.tables import shipped_punch, shipped_tip
 from underlay.mechanics.biphasic.transfer import Relaxing, Transfer, relaxation
 from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import FlatPunch, Indenter, Paraboloid, Sphere
@@ -158,13 +157,13 @@ class Drainage(WholeHistory):
         """The contact of tip and layer, in SI."""
         tip, material, thickness = self.indenter, self.material, self.layer.thickness
         if isinstance(tip, FlatPunch):
-            table = punch_table.shipped(self.drainage)
+            table = shipped_punch(self.drainage)
             return DrainingPunch(
                 tip.radius, material, thickness, self.drainage, self._modes, table, self.kept.response
             )
         if not isinstance(tip, Sphere | Paraboloid):
             raise InputError(f"no draining contact under {tip!r:.80}")
-        ramps = tip_table.shipped(self.drainage)
+        ramps = shipped_tip(self.drainage)
         return DrainingTip(tip, material, thickness, self.drainage, self._modes, table=ramps)
 
     # --- forces -------------------------------------------------------------------------------------------
@@ -489,7 +488,7 @@ class Drainage(WholeHistory):
             contact.thickness,
             self.drainage,
             self._modes,
-            punch_table.shipped(self.drainage),
+            shipped_punch(self.drainage),
             self.kept.response,
         )
         response = replace(punch.response, start=1.0, end=0.0)

@@ -21,8 +21,10 @@ from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Variant
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
+    Branch,
     Factor,
     MasterCurve,
+    RadiusSeries,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
@@ -38,7 +40,6 @@ from underlay.mechanics.exact.nodes import (
     series_terms,
 )
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
-from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales, values_of
 

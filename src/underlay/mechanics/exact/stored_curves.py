@@ -38,7 +38,7 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import PER_OCTAVE, TABLES, Resolution
 from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
-from underlay.mechanics.kernel.substrate import is_isotropic
+from underlay.mechanics.kernel.bodies import is_isotropic
 
 FILE = Path(__file__).with_name("stored_curves.npy")
 #: Relative error of the three factors, largest of 150 random bodies, and a fifth of it more: half of it is the

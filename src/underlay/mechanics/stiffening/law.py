@@ -16,15 +16,17 @@ from underlay.errors import InputError
 from underlay.mechanics.body import Body, Layer, Stiffening
 from underlay.mechanics.contact_law import ContactLaw, OnLaw
 from underlay.mechanics.stiffening.factors import (
+    FIRST_TOUCH,
+    GradualDepth,
     LogFactor,
     Medium,
     Place,
     form,
     gent,
+    gradual_depth,
     known_errors,
     neo_hookean,
 )
-from underlay.mechanics.stiffening.gradual import FIRST_TOUCH, GradualDepth, gradual_depth
 from underlay.mechanics.stiffening.limits import FORM_KNOWN_TO, largest_by_depth, require_known, require_reach
 from underlay.quantities import quantity
 

@@ -25,6 +25,7 @@ from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     MasterCurve,
+    RadiusSeries,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
@@ -32,7 +33,6 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import proved_resolution
-from underlay.mechanics.exact.radius_series import RadiusSeries
 from underlay.mechanics.stuck.stuck_punch import Growth, StuckPunch, chebyshev_radii
 
 # A stuck contact at equal depth is 0.955 to 1.021 times as wide as a frictionless one.
