@@ -36,6 +36,7 @@ from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    chebyshev_values,
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import TABLES, even_rule, series_terms
@@ -153,10 +154,9 @@ class LayerRelation(RadiusRelation):
     def at(self, radius: FloatArray) -> AtRadius:
         """Depth, force and punch factors at radii (m), (n,), positive and at most `end`, by the series."""
         eps = radius / self.thickness
-        # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
-        angle = np.arccos(np.minimum(self.series.stretch.z(eps), 1.0))
         both = (
-            np.cos(angle[:, None] * np.arange(self.series.coefficients.shape[0])) @ self.series.coefficients
+            chebyshev_values(self.series.stretch.z(eps), len(self.series.coefficients))
+            @ self.series.coefficients
         )
         factors = np.exp(both[:, :4])
         bend, edge_rate = both[:, 4], both[:, 5] * self.series.stretch.dz(eps) / self.thickness

@@ -27,6 +27,7 @@ from underlay.mechanics.exact.master_curve import (
     Factor,
     Stretch,
     chebyshev_angles,
+    chebyshev_values,
     growth_beyond,
     in_powers,
     polynomial,
@@ -285,8 +286,9 @@ def curves_through(
     stretch = Stretch(stretch.over(last).length * reach(count), np.full_like(last, stretch.rate))
     # A contact that folds (its depth falls while it grows) is no function of depth: its polynomial is none.
     single = np.all(varpi[:, 1:] > varpi[:, :-1], axis=1)
-    angles = np.arccos(np.where(single[:, None], stretch.z(varpi), np.cos(chebyshev_angles(count))))
-    basis = np.cos(angles[..., None] * np.arange(count))
+    basis = chebyshev_values(
+        np.where(single[:, None], stretch.z(varpi), np.cos(chebyshev_angles(count))), count
+    )
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
     factors = len(Factor)
     errors = growth_beyond(share / stretch.length[:, 0], count) * truncation_error(

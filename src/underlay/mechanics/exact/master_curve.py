@@ -118,6 +118,14 @@ def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray
     return np.asarray(scale * (np.cos(np.arange(count)[:, None] * angles) @ values), dtype=np.float64)
 
 
+def chebyshev_values(z: FloatArray, count: int) -> FloatArray:
+    """Chebyshev polynomials T_0, T_1, ... at `z` in [-1, 1], (..., count); rounding may take z beyond 1.
+
+    By cosines: the recurrence of the polynomials would take a step a term.
+    """
+    return np.cos(np.multiply.outer(np.arccos(np.minimum(z, 1.0)), np.arange(count)))
+
+
 def _monomial_table(count: int) -> FloatArray:
     """Matrix (count, count) whose row k has the coefficients of the Chebyshev polynomial T_k in powers of z."""
     table = np.zeros((count, count))
@@ -236,8 +244,7 @@ class MasterCurve:
             Error up to which last terms may be dropped: see `of_pieces`.
         """
         stretch = Stretch(wanted.over(varpi[-1]).length * reach(varpi.size), wanted.rate)
-        angles = np.arccos(stretch.z(varpi))
-        basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
+        basis = chebyshev_values(stretch.z(varpi), varpi.size)
         coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
         share = wanted.length / stretch.length
         growth = float(growth_beyond(share, varpi.size)) if share > 1.0 else 1.0
@@ -424,8 +431,7 @@ class RadiusSeries:
 
         chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
         """
-        angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
-        return np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[0]))) @ self.coefficients
+        return chebyshev_values(self.stretch.z(chi), len(self.coefficients)) @ self.coefficients
 
     def varpi(self, chi: FloatArray) -> FloatArray:
         """Dimensionless depth varpi (n,) at `chi` (n,).
@@ -440,15 +446,13 @@ class RadiusSeries:
 
         chi is the radius variable of `ContactProblem.chi`, a/h for a power law.
         """
-        orders = np.arange(self.coefficients.shape[0])
         series = self.coefficients[:, -1]
         derivative = np.polynomial.chebyshev.chebder(series)
         index = np.searchsorted(branch.varpi, varpi).clip(1, branch.chi.size - 1)
         low, high = branch.chi[index - 1], branch.chi[index]
         chi = np.interp(varpi, branch.varpi, branch.chi)
         for _ in range(_NEWTON_STEPS):
-            angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
-            waves = np.cos(np.multiply.outer(angle, orders))
+            waves = chebyshev_values(self.stretch.z(chi), len(series))
             slope = waves[:, :-1] @ derivative
             error = waves @ series + np.log(chi / varpi)
             low, high = np.where(error < 0.0, chi, low), np.where(error > 0.0, chi, high)

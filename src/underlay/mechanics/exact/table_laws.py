@@ -10,9 +10,9 @@ Laws of spheres and measured tips are read off the tables of `tip_curves` (`tip_
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import log
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,11 +170,8 @@ def _solved_alone(
     return None if solved.curve.jumps else solved
 
 
-@dataclass(frozen=True)
-class _SideBySide:
-    """Tables of one tip and one family of bodies, stacked into arrays with one entry per cell.
-
-    A cell without a table has an entry with an infinite error.
+class _Stacked(NamedTuple):
+    """Tables of one tip and one family of bodies as arrays with one entry per cell.
 
     varpi is the half-space contact radius at the depth over the thickness.
 
@@ -182,8 +179,6 @@ class _SideBySide:
 
     Parameters
     ----------
-    places : dict of (int, int) to int
-        Index of a cell in the arrays, by the numbers of its ranges of ratio and of varpi.
     coefficients : ndarray (cells, ratio terms, 3, rows, 4)
         As in `CurveFamily`, for tables of one piece.
     middles, halves : ndarray (cells,)
@@ -192,37 +187,30 @@ class _SideBySide:
         Stretch, largest varpi and error estimate of the curves; see `CurveBatch`.
     """
 
-    places: dict[tuple[int, int], int] = field(default_factory=dict)
-    coefficients: FloatArray = field(default_factory=lambda: np.zeros((0, 1, len(Factor), 1, 4)))
-    middles: FloatArray = field(default_factory=lambda: np.zeros(0))
-    halves: FloatArray = field(default_factory=lambda: np.zeros(0))
-    lengths: FloatArray = field(default_factory=lambda: np.zeros(0))
-    rates: FloatArray = field(default_factory=lambda: np.zeros(0))
-    tops: FloatArray = field(default_factory=lambda: np.zeros(0))
-    errors: FloatArray = field(default_factory=lambda: np.zeros(0))
+    coefficients: FloatArray
+    middles: FloatArray
+    halves: FloatArray
+    lengths: FloatArray
+    rates: FloatArray
+    tops: FloatArray
+    errors: FloatArray
 
-    def with_table(self, cell: Cell, family: CurveFamily | None) -> Self:
-        """Return a copy with one cell more; a table in several pieces is stored as if there were none."""
-        if family is not None and len(family.edges) > 2:
-            family = None
-        low, high = cell.log_ratios
-        flat = np.zeros((1, len(Factor), 1, 4)) if family is None else family.coefficients[:, 0]
-        old = self.coefficients
-        terms, rows = max(old.shape[1], flat.shape[0]), max(old.shape[3], flat.shape[2])
-        coefficients = np.zeros((len(old) + 1, terms, len(Factor), rows, 4))
-        coefficients[:-1, : old.shape[1], :, : old.shape[3]] = old
-        coefficients[-1, : flat.shape[0], :, : flat.shape[2]] = flat
-        stretch = None if family is None else family.stretch
-        return type(self)(
-            self.places | {(cell.ratio, cell.range): len(self.places)},
-            coefficients,
-            np.append(self.middles, 0.5 * (low + high)),
-            np.append(self.halves, 0.5 * (high - low)),
-            np.append(self.lengths, 1.0 if stretch is None else stretch.length),
-            np.append(self.rates, 0.0 if stretch is None else stretch.rate),
-            np.append(self.tops, np.inf if family is None else cell.top),
-            np.append(self.errors, np.inf if family is None else family.error_estimate),
-        )
+
+def _stacked(cells: Sequence[Cell]) -> _Stacked:
+    """Stack the tables of some cells; one without a table, or in several pieces, has an infinite error."""
+    tables = [curve_family(cell) for cell in cells]
+    known = [(i, table) for i, table in enumerate(tables) if table is not None and len(table.edges) == 2]
+    terms = max((len(table.coefficients) for _, table in known), default=1)
+    rows = max((table.coefficients.shape[3] for _, table in known), default=1)
+    coefficients = np.zeros((len(cells), terms, len(Factor), rows, 4))
+    lengths, rates, tops, errors = (np.full(len(cells), value) for value in (1.0, 0.0, np.inf, np.inf))
+    for i, table in known:
+        own = table.coefficients[:, 0]
+        coefficients[i, : own.shape[0], :, : own.shape[2]] = own
+        lengths[i], rates[i] = table.stretch.length, table.stretch.rate
+        tops[i], errors[i] = table.cell.top, table.error_estimate
+    low, high = np.array([cell.log_ratios for cell in cells]).T
+    return _Stacked(coefficients, 0.5 * (low + high), 0.5 * (high - low), lengths, rates, tops, errors)
 
 
 def family_batch(
@@ -255,16 +243,10 @@ def family_batch(
         With an infinite error estimate for sets without a table.
     """
     numbers = list(zip(ratio_numbers(ratio).tolist(), range_numbers(varpi).tolist(), strict=True))
-    key = ("side by side", indenter.exponent, family, rtol)
-    tables = TABLES.get(key, _SideBySide)
-    missing = set(numbers) - tables.places.keys()
-    for span, reach in missing:
-        cell = Cell(indenter.exponent, family, int(span), int(reach), rtol)
-        tables = tables.with_table(cell, curve_family(cell))
-    if missing:
-        # Never changed but replaced, so that another thread finds it whole.
-        TABLES.put(key, tables)
-    places = np.array([tables.places[number] for number in numbers])
+    order = {number: place for place, number in enumerate(sorted(set(numbers)))}
+    cells = tuple(Cell(indenter.exponent, family, int(span), int(reach), rtol) for span, reach in order)
+    tables = TABLES.get(("stacked", cells), lambda: _stacked(cells))
+    places = np.array([order[number] for number in numbers])
     table = tables.coefficients[places]
     position = (np.log(ratio) - tables.middles[places]) / tables.halves[places]
     orders = np.arange(table.shape[1])
