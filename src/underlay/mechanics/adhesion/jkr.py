@@ -34,7 +34,6 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.adhesive_law import STATES, AdhesiveBranch, AdhesiveLaw, BranchPoint
 from underlay.mechanics.adhesion.jkr_table import JKRTable
 from underlay.mechanics.adhesion.radius_relation import (
-    HalfspaceRelation,
     RadiusRelation,
     kernel_rule,
     largest_radius,
@@ -420,7 +419,7 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
 
     `reference` is the radius of zero depth, `widest` the largest allowed (m).
     """
-    halfspace = HalfspaceRelation(contact.indenter, contact.theta)
+    halfspace = RadiusRelation(contact.indenter, contact.theta)
     end = min(1.2 * reference, widest)
     while end < widest:
         ends = np.minimum(end * _WIDTHS, widest)

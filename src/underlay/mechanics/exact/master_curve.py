@@ -126,6 +126,15 @@ def chebyshev_values(z: FloatArray, count: int) -> FloatArray:
     return np.cos(np.multiply.outer(np.arccos(np.minimum(z, 1.0)), np.arange(count)))
 
 
+def lagrange(x: FloatArray, points: FloatArray) -> FloatArray:
+    """Lagrange polynomials of `points` at x, (x, points), as products, which are exact at the points too."""
+    weights = np.ones((x.size, points.size))
+    for column, point in enumerate(points):
+        for other in np.delete(points, column):
+            weights[:, column] *= (x - other) / (point - other)
+    return weights
+
+
 def _monomial_table(count: int) -> FloatArray:
     """Matrix (count, count) whose row k has the coefficients of the Chebyshev polynomial T_k in powers of z."""
     table = np.zeros((count, count))
