@@ -17,7 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +105,12 @@ class ContactLaw(Response, ABC):
     max_depth: float
     error_estimate: float
     warnings: tuple[object, ...] = ()
+
+    @classmethod
+    def over(cls, law: ContactLaw, /, **own: Any) -> Self:
+        """Law made from another one: what `own` does not give of the fields above is as that one has it."""
+        names = ("method", "reason", "max_depth", "error_estimate", "warnings")
+        return cls(**{name: getattr(law, name) for name in names} | own)
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Force P (N), shape of `depth` (m); `time` is ignored, since the sample is elastic.
@@ -393,6 +399,7 @@ class ScaledLaw(ContactLaw):
     @classmethod
     def of(cls, law: ContactLaw, b: float, c: float, s: float) -> Self:
         """Law P(w) = c P_ref(b w), a(w) = s a_ref(b w) of the reference `law`; `b`, `c` and `s` positive."""
+        # Written out: a fit makes one at every step.
         return cls(
             method=law.method,
             reason=law.reason,

@@ -292,15 +292,8 @@ class Sides(OnLaw):
         """
         wide = inner(max_depth)
         require_wide(float(wide.linear_law.contact_radius(max(max_depth, 0.0))), float(self.radius))
-        return NarrowLaw(
-            method=wide.method,
-            reason=f"{wide.reason}; sides as a spring of {self.compliance:.4g} m/N",
-            max_depth=wide.max_depth,
-            error_estimate=wide.error_estimate,
-            warnings=wide.warnings,
-            inner=wide,
-            sides=self,
-        )
+        reason = f"{wide.reason}; sides as a spring of {self.compliance:.4g} m/N"
+        return NarrowLaw.over(wide, reason=reason, inner=wide, sides=self)
 
 
 @dataclass(frozen=True, kw_only=True)

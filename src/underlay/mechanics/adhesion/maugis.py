@@ -266,15 +266,7 @@ class DMT(Adhesion):
             )
         attraction = 2.0 * float(np.pi) * radius * self.work
         elastic = _elastic(replace(contact, adhesion=None), max_depth, attraction, radius, solver)
-        return DMTLaw(
-            method=elastic.method,
-            reason=f"DMT; {elastic.reason}",
-            max_depth=elastic.max_depth,
-            error_estimate=elastic.error_estimate,
-            warnings=elastic.warnings,
-            elastic=elastic,
-            attraction=attraction,
-        )
+        return DMTLaw.over(elastic, reason=f"DMT; {elastic.reason}", elastic=elastic, attraction=attraction)
 
 
 def _elastic(

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
+from operator import attrgetter
 from typing import Self
 
 import numpy as np
@@ -109,6 +110,14 @@ class LayerContact:
         """The contact size `variable` at one depth (m), as a float."""
         return float(self.variable(np.array([depth]))[0])
 
+    def depth_ratio(self, depth: float) -> float:
+        """Depth (m) over thickness, d/h."""
+        return depth / self.thickness
+
+    def depth_over_radius(self, depth: float) -> float:
+        """Depth (m) over the radius of a sphere or punch; TypeError for a cone."""
+        return depth / (self.radius_ratio * self.thickness)
+
     @property
     def radius_ratio(self) -> float:
         """R/h of a sphere or a/h of a punch; TypeError for a cone."""
@@ -143,61 +152,38 @@ class Quantity:
     ----------
     name : str
         Its name in messages, such as ``"R/h"``.
-    of : callable
-        Its value from a `LayerContact` and the largest depth (m).
+    attribute : str
+        Where a `LayerContact` has it, such as ``"layer.nu"``; or its method that gives it at a depth.
     """
 
     name: str
-    of: Callable[[LayerContact, float], float] = field(repr=False)
+    attribute: str
 
-
-def _contact_size(contact: LayerContact, depth: float) -> float:
-    return contact.size_at(depth)
-
-
-def _layer_nu(contact: LayerContact, _depth: float) -> float:
-    return contact.layer.nu
-
-
-def _base_nu(contact: LayerContact, _depth: float) -> float:
-    return contact.elastic_base.nu
-
-
-def _modulus_ratio(contact: LayerContact, _depth: float) -> float:
-    return contact.modulus_ratio
-
-
-def _radius_ratio(contact: LayerContact, _depth: float) -> float:
-    return contact.radius_ratio
-
-
-def _depth_ratio(contact: LayerContact, depth: float) -> float:
-    return depth / contact.thickness
-
-
-def _depth_over_radius(contact: LayerContact, depth: float) -> float:
-    return depth / (contact.radius_ratio * contact.thickness)
+    def of(self, contact: LayerContact, max_depth: float) -> float:
+        """Value in a test up to `max_depth` (m)."""
+        value = attrgetter(self.attribute)(contact)
+        return float(value(max_depth) if callable(value) else value)
 
 
 #: The contact size that a factor depends on, by kind of indenter.
 VARIABLES = {
-    "sphere": Quantity("X = sqrt(R d)/h", _contact_size),
-    "cone": Quantity("y = d tan(half-angle)/h", _contact_size),
-    "flat punch": Quantity("eps = a/h", _contact_size),
+    "sphere": Quantity("X = sqrt(R d)/h", "size_at"),
+    "cone": Quantity("y = d tan(half-angle)/h", "size_at"),
+    "flat punch": Quantity("eps = a/h", "size_at"),
 }
 
 
-LAYER_NU = Quantity("nu of the layer", _layer_nu)
-DEPTH_OVER_RADIUS = Quantity("d/R", _depth_over_radius)
+LAYER_NU = Quantity("nu of the layer", "layer.nu")
+DEPTH_OVER_RADIUS = Quantity("d/R", "depth_over_radius")
 #: What the ranges and the measured errors of the corrections are stated in, by name.
 QUANTITIES: Mapping[str, Quantity] = {
     quantity.name: quantity
     for quantity in (
         LAYER_NU,
-        Quantity("nu of the base", _base_nu),
-        Quantity("E of the base over E of the layer", _modulus_ratio),
-        Quantity("R/h", _radius_ratio),
-        Quantity("d/h", _depth_ratio),
+        Quantity("nu of the base", "elastic_base.nu"),
+        Quantity("E of the base over E of the layer", "modulus_ratio"),
+        Quantity("R/h", "radius_ratio"),
+        Quantity("d/h", "depth_ratio"),
         DEPTH_OVER_RADIUS,
     )
 }

@@ -196,11 +196,10 @@ class StiffLayer(OnLaw):
         if max_depth > 0.0:
             require_reach(place_at, max_depth, self.medium, limit)
         doubt = () if deepest <= FORM_KNOWN_TO * thickness else (FormUnknown(deepest / thickness),)
-        return StiffeningLaw(
-            method=linear.method,
+        return StiffeningLaw.over(
+            linear,
             reason=f"stiffening, 1/Jm = {limit:.4g}, on: {linear.reason}",
             max_depth=max_depth,
-            error_estimate=linear.error_estimate,
             warnings=(*linear.warnings, *doubt),
             linear=linear,
             layer=self,

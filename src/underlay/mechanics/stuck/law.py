@@ -19,7 +19,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess, out_of_reach
 from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
@@ -226,7 +226,7 @@ def _reaching(problem: ContactProblem, top: float, rtol: float) -> tuple[_Solved
         reached, depth = _reached(problem, solved, top)
         if depth < top:
             if last >= end:
-                raise _too_deep(problem, top, depth)
+                raise out_of_reach(problem, top, depth)
             last = min(last * min(1.02 * top / depth, 2.0), end)
         elif reached < last / _OVERSHOOT or allowed > rtol:
             last, allowed = min(1.02 * reached, end), rtol
@@ -330,18 +330,6 @@ def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[floa
 def _depth(problem: ContactProblem, varpi: float) -> float:
     """Depth (m) at which the half-space contact radius over the thickness is `varpi`."""
     return float(problem.measure.abel(np.array([varpi * problem.thickness]))[0])
-
-
-def _too_deep(problem: ContactProblem, top: float, reached: float) -> RangeError:
-    deepest = _depth(problem, reached)
-    if problem.indenter.max_radius < LARGEST_EPS * problem.thickness:
-        why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
-    else:
-        why = f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth"
-    return RangeError(
-        f"depth {_depth(problem, top):.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
-        max_depth=deepest,
-    )
 
 
 def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) -> tuple[MasterCurve, float]:
