@@ -30,7 +30,7 @@ from underlay.mechanics.biphasic.transfer import (
     relaxation,
 )
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
 from underlay.mechanics.relaxation import Modes
 
 # Forces above minus this share of the largest are what the noise of a depth record makes of none.
@@ -213,7 +213,7 @@ class DrainingTip:
         Table of ramps and holds on isotropic layers; histories that it does not cover are solved for.
     """
 
-    indenter: Sphere | Paraboloid
+    indenter: Indenter
     material: BiphasicMaterial
     thickness: float
     drainage: str
@@ -286,7 +286,8 @@ class DrainingTip:
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         radius = float(self.undrained(deepest).contact_radius(deepest))
         one_ramp = not depth.jumps[0].size and depth.rises.size == 1 and depth.value[0] == 0.0
-        blunt = isinstance(self.indenter, Paraboloid) or radius <= _FLAT_ENOUGH * self.indenter.radius
+        tip_radius = self.indenter.curvature_radius or 0.0
+        blunt = isinstance(self.indenter, Paraboloid) or radius <= _FLAT_ENOUGH * tip_radius
         if not (one_ramp and blunt):
             return None
         return SingleRamp(float(depth.bends[0][0]), float(depth.rises[0]), deepest, radius)

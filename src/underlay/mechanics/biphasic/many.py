@@ -18,7 +18,7 @@ from underlay.mechanics.biphasic.contacts import DrainingTip, comes_off
 from underlay.mechanics.biphasic.history import Polyline
 from underlay.mechanics.biphasic.material import Biphasic
 from underlay.mechanics.biphasic.tables import Axis, shipped_punch, shipped_tip
-from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.indenters import Indenter
 
 # A44/A33 from incompressible to nu = 0: the compliance of a drained layer is a polynomial in it, to 1e-9.
 _SOFTNESS = Axis(0.0, 0.5, 16)
@@ -106,7 +106,7 @@ def punch_forces(
 
 def tip_forces(
     layers: Layers,
-    tip: Sphere | Paraboloid,
+    tip: Indenter,
     thickness: float,
     drainage: str,
     history: Polyline,

@@ -57,6 +57,10 @@ class TableStore:
     def __len__(self) -> int:
         return len(self._kept)
 
+    def __reduce__(self) -> tuple[type[Self], tuple[int]]:
+        # A copy in another process begins empty.
+        return type(self), (self._most,)
+
     def get(self, key: Hashable, build: Callable[[], Table]) -> Table:
         """Table stored under `key`, made by `build` if there is none; the key must hold all it depends on."""
         with self._lock:
