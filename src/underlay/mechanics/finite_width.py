@@ -32,7 +32,7 @@ from scipy import interpolate
 from underlay._arrays import ArrayLike, FloatArray, PerSet, positive
 from underlay.errors import InputError, LawError
 from underlay.mechanics.body import SHAPES, Body, Layer, Rigid
-from underlay.mechanics.contact_law import ContactLaw, OnLaw
+from underlay.mechanics.contact_law import ContactLaw, LawOnLaw, OnLaw
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.stiffening import StiffeningLaw
 
@@ -297,7 +297,7 @@ class Sides(OnLaw):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NarrowLaw(ContactLaw):
+class NarrowLaw(LawOnLaw):
     """Law of a layer with free sides: P(w) = F(u), where the depth u of the layer alone solves u + C F(u) = w.
 
     Parameters
@@ -308,19 +308,8 @@ class NarrowLaw(ContactLaw):
         C (m/N), the compliance of the sides.
     """
 
-    inner: ContactLaw
     sides: Sides
     _last: dict[bytes, Sprung] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        """Smallest and largest depth (m): from that of the law without sides to `max_depth`."""
-        return self.inner.domain[0], self.max_depth
-
-    @property
-    def nodes(self) -> int | None:
-        """Number of radial nodes of the law without sides."""
-        return self.inner.nodes
 
     @property
     def linear_law(self) -> ContactLaw:
@@ -370,10 +359,6 @@ class NarrowLaw(ContactLaw):
             self._last.clear()
             self._last[key] = self.sides.sprung(self.inner.force_and_stiffness, depth)
         return self._last[key]
-
-    @property
-    def _beyond(self) -> str:
-        return self.inner._beyond  # noqa: SLF001  the law behind this one
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self._sprung(depth).force

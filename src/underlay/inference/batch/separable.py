@@ -308,8 +308,8 @@ class SeparableSearch:
             stiffness=stiffness,
             residuals=residuals,
             sum_of_squares=float(residuals @ residuals),
-            law_method=law.law.method,
-            law_error=law.law.error_estimate,
+            law_method=law.method,
+            law_error=law.error_estimate,
         )
 
     def _descend(self, contact: float) -> _Place | None:
