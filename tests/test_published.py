@@ -25,9 +25,9 @@ from support.fredholm import (
 from support.laws import published_law
 from support.published_errors import contact_of, exact_factor, factor_of, remeasure
 from support.reference_contact import dyadic_rule
-from underlay.mechanics.published import OutOfRange, published_names
-from underlay.mechanics.published.correction import ELASTIC, PolynomialFactor
+from underlay.mechanics.published.correction import ELASTIC, OutOfRange, PolynomialFactor
 from underlay.mechanics.published.formulas import dimitriadis_expansion
+from underlay.mechanics.published.law import published_names
 
 CORRECTIONS = {(c.name, c.indenter): c for c in ul.published_corrections()}
 RIGID_ONES = [c for c in ul.published_corrections() if c.substrate != ELASTIC]

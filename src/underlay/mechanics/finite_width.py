@@ -34,7 +34,7 @@ from underlay.errors import InputError, LawError
 from underlay.mechanics.body import SHAPES, Body, Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, LawOnLaw, OnLaw
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.stiffening import StiffeningLaw
+from underlay.mechanics.stiffening.law import StiffeningLaw
 
 # A square as a round of the same area; by its half-width alone forces are 6.5 % off at w/R = 0.5, W 5 to 6.5
 # R.

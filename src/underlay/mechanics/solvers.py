@@ -35,7 +35,8 @@ from underlay.mechanics.exact.table_laws import side_by_side, table_number, tabu
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Family
-from underlay.mechanics.published import PublishedCorrection, published_law, published_names
+from underlay.mechanics.published.correction import PublishedCorrection
+from underlay.mechanics.published.law import published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stuck.law import stuck_law
 from underlay.plugins import SOLVERS, Plugin, faults, plugins

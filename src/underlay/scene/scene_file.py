@@ -58,7 +58,6 @@ import numpy as np
 
 from underlay._door import FileKind, parse_toml, printable, read_text, understood
 from underlay.errors import InputError, ParameterError, UnderlayError, UnderlayWarning
-from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.body import (
     RIGID,
     Base,
@@ -71,6 +70,7 @@ from underlay.mechanics.body import (
     Stiffening,
     as_bond,
 )
+from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -78,7 +78,7 @@ from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
-from underlay.mechanics.stiffening import Gent
+from underlay.mechanics.stiffening.law import Gent
 from underlay.plugins import faults
 from underlay.quantities import Part, field_quantities, numbers_of
 from underlay.scene.discrepancy import Discrepancy
