@@ -24,7 +24,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic.law import FORMS, asymptotic_law
+from underlay.mechanics.asymptotic.law import asymptotic_law, require_known
 from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
@@ -165,7 +165,8 @@ class _ToTolerance(Solver):
 
 def _no_contact(contact: Contact, name: str) -> ContactLaw:
     """Law of a record that never touches: the force is zero."""
-    return replace(halfspace_law(contact), method=name, max_depth=0.0, reason="no contact")
+    reason = "no contact: the largest depth is not positive"
+    return replace(halfspace_law(contact), method=name, max_depth=0.0, reason=reason)
 
 
 @dataclass(frozen=True)
@@ -238,8 +239,7 @@ class Auto(_ToTolerance):
         if not contact.layered:
             return halfspace_law(contact)
         if not max_depth > 0.0:
-            reason = "no contact: the largest depth is not positive"
-            return replace(halfspace_law(contact), max_depth=0.0, reason=reason)
+            return _no_contact(contact, "halfspace")
         if max_depth > largest_halfspace_depth(contact.indenter):
             return exact_law(contact, max_depth, self.rtol)
         simpler, joined = contact.simplified(max_depth, _SHARE_OF_JOINS * self.rtol)
@@ -286,10 +286,7 @@ class Asymptotic(Solver):
     name: ClassVar[str] = "asymptotic"
 
     def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise InputError(f"unknown form {self.form!r}; known: {', '.join(FORMS)}")
-        if self.order not in range(5):
-            raise InputError(f"order must be 0, 1, 2, 3 or 4; got {self.order!r}")
+        require_known(self.order, self.form)
 
     @property
     def label(self) -> str:

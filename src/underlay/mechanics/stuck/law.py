@@ -20,7 +20,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess, out_of_reach
-from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw
+from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw, punch_width
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -173,13 +173,7 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
 
 
 def _punch_law(contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
-    radius = contact.indenter.max_radius
-    eps = radius / contact.thickness
-    if eps > LARGEST_EPS:
-        raise RangeError(
-            f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
-            "here: use a smaller punch"
-        )
+    radius, eps = contact.indenter.max_radius, punch_width(contact)
     resolution = proved_resolution(contact.kernel, eps, rtol)
     counts = _Counts.choose(eps, rtol, 0.0)
     while True:
