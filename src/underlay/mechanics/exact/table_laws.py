@@ -179,6 +179,8 @@ class _Stacked(NamedTuple):
 
     Parameters
     ----------
+    cells : tuple of Cell
+        Their keys.
     coefficients : ndarray (cells, ratio terms, 3, rows, 4)
         As in `CurveFamily`, for tables of one piece.
     middles, halves : ndarray (cells,)
@@ -187,6 +189,7 @@ class _Stacked(NamedTuple):
         Stretch, largest varpi and error estimate of the curves; see `CurveBatch`.
     """
 
+    cells: tuple[Cell, ...]
     coefficients: FloatArray
     middles: FloatArray
     halves: FloatArray
@@ -196,7 +199,7 @@ class _Stacked(NamedTuple):
     errors: FloatArray
 
 
-def _stacked(cells: Sequence[Cell]) -> _Stacked:
+def _stacked(cells: tuple[Cell, ...]) -> _Stacked:
     """Stack the tables of some cells; one without a table, or in several pieces, has an infinite error."""
     tables = [curve_family(cell) for cell in cells]
     known = [(i, table) for i, table in enumerate(tables) if table is not None and len(table.edges) == 2]
@@ -210,7 +213,7 @@ def _stacked(cells: Sequence[Cell]) -> _Stacked:
         lengths[i], rates[i] = table.stretch.length, table.stretch.rate
         tops[i], errors[i] = table.cell.top, table.error_estimate
     low, high = np.array([cell.log_ratios for cell in cells]).T
-    return _Stacked(coefficients, 0.5 * (low + high), 0.5 * (high - low), lengths, rates, tops, errors)
+    return _Stacked(cells, coefficients, 0.5 * (low + high), 0.5 * (high - low), lengths, rates, tops, errors)
 
 
 def family_batch(
@@ -245,7 +248,11 @@ def family_batch(
     numbers = list(zip(ratio_numbers(ratio).tolist(), range_numbers(varpi).tolist(), strict=True))
     order = {number: place for place, number in enumerate(sorted(set(numbers)))}
     cells = tuple(Cell(indenter.exponent, family, int(span), int(reach), rtol) for span, reach in order)
-    tables = TABLES.get(("stacked", cells), lambda: _stacked(cells))
+    key = ("stacked", indenter.exponent, family, rtol)
+    tables = TABLES.get(key, lambda: _stacked(cells))
+    if tables.cells != cells:
+        # The last alone are kept: a search stays among its cells, and a sampler would fill the store with stacks.
+        tables = TABLES.put(key, _stacked(cells))
     places = np.array([order[number] for number in numbers])
     table = tables.coefficients[places]
     position = (np.log(ratio) - tables.middles[places]) / tables.halves[places]
