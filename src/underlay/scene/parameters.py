@@ -11,8 +11,8 @@ import difflib
 from collections.abc import Iterable, Mapping
 
 from underlay.errors import ParameterError
+from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.body import Stack
-from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile

@@ -58,6 +58,7 @@ import numpy as np
 
 from underlay._door import FileKind, parse_toml, printable, read_text, understood
 from underlay.errors import InputError, ParameterError, UnderlayError, UnderlayWarning
+from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.body import (
     RIGID,
     Base,
@@ -70,7 +71,6 @@ from underlay.mechanics.body import (
     Stiffening,
     as_bond,
 )
-from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic

@@ -22,9 +22,9 @@ import numpy as np
 
 from underlay._arrays import physical_length
 from underlay.errors import InputError
+from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse
 from underlay.mechanics.body import BONDS, TIP_DRAINAGES, Layer, Spring, Stiffening
-from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.discrepancy import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic

@@ -4,3 +4,9 @@
 tip; `radius_relation` has what they need of the elastic contact; `jkr_table` tabulates it for many
 parameter sets.
 """
+
+from underlay.mechanics.adhesion.jkr import JKR
+from underlay.mechanics.adhesion.maugis import DMT, Maugis
+from underlay.mechanics.contact import Adhesion
+
+__all__ = ["DMT", "JKR", "Adhesion", "Maugis"]
