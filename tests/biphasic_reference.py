@@ -4,7 +4,7 @@
 import numpy as np
 from mpmath import expm, lu_solve, matrix, mp, mpf, mpmathify
 
-from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse
+from underlay import Biphasic, BiphasicTransverse
 
 TRANSVERSE = {
     "five": (5.0, 1.0, 0.2, 0.1, 0.6, 1.0),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import underlay as ul
 from underlay.mechanics.adhesion.jkr import jkr_branch, maugis_state
@@ -411,28 +412,14 @@ def test_the_branch_of_a_paraboloid_does_not_fold_on_a_softer_base():
 
 # Polynomials in a/h for kappa - 1 and for the share of the paraboloid, below and above 1.2: those of its class
 # XiApproximationBondedIncompressibleLayer (Hermanowicz, AtomicJ 2.4.0), as numbers.
-XI_ZERO = (
-    (
-        0.0,
-        1.127294838473304,
-        1.2534743855684407,
-        0.7845575578931572,
-        -0.8066500581952372,
-        0.25992549153472266,
-    ),
-    (-0.32200988000179354, 1.9372155069019295, 0.8542206369854419, 0.1474038965378127),
-)
-XI_TWO = (
-    (
-        0.0,
-        1.1262478390694162,
-        1.2949883832304696,
-        0.18732178957520357,
-        -0.6364554846834951,
-        0.27907820937683936,
-    ),
-    (-0.049463774585330134, 1.5972494791751466, 0.6385113885724849, 0.07384012861062446),
-)
+XI_ZERO = [
+    Polynomial([0, 1.12729483847, 1.25347438557, 0.784557557893, -0.806650058195, 0.259925491535]),
+    Polynomial([-0.322009880002, 1.9372155069, 0.854220636985, 0.147403896538]),
+]
+XI_TWO = [
+    Polynomial([0, 1.12624783907, 1.29498838323, 0.187321789575, -0.636455484683, 0.279078209377]),
+    Polynomial([-0.0494637745853, 1.59724947918, 0.638511388572, 0.0738401286106]),
+]
 
 
 def test_atomicj_agrees_within_its_own_tenth_of_a_per_cent():
@@ -441,10 +428,7 @@ def test_atomicj_agrees_within_its_own_tenth_of_a_per_cent():
     radius = np.linspace(0.1, 0.98 * law.branch.end, 60)
     here, elastic = law.branch.at(radius), law.branch.relation.at(radius)
     above = radius > 1.2
-    xi_0, xi_2 = (
-        np.where(above, *(np.polynomial.polynomial.polyval(radius, part) for part in pair[::-1]))
-        for pair in (XI_ZERO, XI_TWO)
-    )
+    xi_0, xi_2 = (np.where(above, *(part(radius) for part in pair[::-1])) for pair in (XI_ZERO, XI_TWO))
     np.testing.assert_allclose(1.0 + xi_0, elastic.kappa, rtol=1e-3)
     force = 4.0 / 3.0 * radius * (3.0 * here.depth * (1.0 + xi_0) - radius**2 * (1.0 + xi_2))
     scale = np.maximum(elastic.force, np.abs(here.force))

@@ -14,7 +14,7 @@ from support.laws import asymptotic_law, exact_law
 from support.pairs import FORMS, PAIRS, PARABOLOID, SHAPES
 from support.reference_contact import solve
 from underlay.mechanics.asymptotic import blunt
-from underlay.mechanics.asymptotic.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
+from underlay.mechanics.asymptotic.blunt import BluntLayer, explicit_force, parametric_stiffness
 from underlay.mechanics.asymptotic.law import kernel_moments
 from underlay.mechanics.halfspace import HalfspaceLaw
 

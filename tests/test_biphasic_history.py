@@ -5,8 +5,7 @@ import pytest
 
 from underlay.errors import InputError
 from underlay.mechanics.biphasic import judgement
-from underlay.mechanics.biphasic.history import Polyline, ramp_and_hold
-from underlay.mechanics.biphasic.response import Contour, Response, invert, windows
+from underlay.mechanics.biphasic.history import Contour, Polyline, Response, invert, ramp_and_hold, windows
 
 
 def exponential(rate):

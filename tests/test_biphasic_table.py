@@ -5,33 +5,41 @@ import pytest
 from scipy.optimize import least_squares
 
 from biphasic_reference import isotropic
+from support.draining_tables import punch_error, tip_error
 from underlay.errors import InputError
-from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingPunch, DrainingTip
 from underlay.mechanics.biphasic.history import ramp_and_hold
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse
-from underlay.mechanics.biphasic.punch_table import Axis, ResponseTable
+from underlay.mechanics.biphasic.tables import (
+    ENDS_ERROR,
+    PUNCH_ERROR,
+    TIP_ERROR,
+    Axis,
+    ResponseTable,
+    shipped_punch,
+    shipped_tip,
+)
 from underlay.mechanics.biphasic.transfer import PunchTransfer, relaxation
 from underlay.mechanics.indenters import Paraboloid, Sphere
 
 
 @pytest.mark.parametrize("tip", ["solid", "porous"])
 def test_shipped_punch_table(tip):
-    error, where = punch_table.measured_error(punch_table.shipped(tip), 5, seed=7)
-    assert error < punch_table.STATED_ERROR, where
+    error, where = punch_error(shipped_punch(tip), 5, seed=7)
+    assert error < PUNCH_ERROR, where
 
 
 def test_ends_of_the_punch_table_are_the_elastic_laws():
-    table = punch_table.shipped("solid")
+    table = shipped_punch("solid")
     eps, nu = np.array([0.0, 0.02, 0.5, 1.7, 4.0]), np.array([0.1, 0.0, 0.2, 0.4, 0.48])
     start, end = table.ends(eps, nu)
     exact = [PunchTransfer(isotropic(b).skeleton, float(a), "solid") for a, b in zip(eps, nu, strict=True)]
-    assert start == pytest.approx([one.undrained for one in exact], rel=punch_table.STATED_ERROR_OF_ENDS)
-    assert end == pytest.approx([one.drained for one in exact], rel=punch_table.STATED_ERROR_OF_ENDS)
+    assert start == pytest.approx([one.undrained for one in exact], rel=ENDS_ERROR)
+    assert end == pytest.approx([one.drained for one in exact], rel=ENDS_ERROR)
 
 
 def test_forces_by_the_table_are_those_of_the_solver():
-    table = punch_table.shipped("solid")
+    table = shipped_punch("solid")
     time = np.geomspace(0.01, 20.0, 40)
     for radius, thickness in ((1.0, 1.0), (1.0, 3.0), (1.0, np.inf)):
         by = [
@@ -44,7 +52,7 @@ def test_forces_by_the_table_are_those_of_the_solver():
 
 
 def test_a_table_says_where_it_ends():
-    table = punch_table.shipped("solid")
+    table = shipped_punch("solid")
     assert table.covers(4.0, 0.48)
     assert not table.covers(4.1, 0.2)
     with pytest.raises(InputError, match=r"the table is for 0 to 0\.48; got 0\.49"):
@@ -53,24 +61,24 @@ def test_a_table_says_where_it_ends():
 
 @pytest.mark.parametrize("tip", ["solid", "porous"])
 def test_shipped_tip_table(tip):
-    error, where = tip_table.measured_error(tip_table.shipped(tip), 2, seed=3)
-    assert error < tip_table.STATED_ERROR, where
+    error, where = tip_error(shipped_tip(tip), 2, seed=3)
+    assert error < TIP_ERROR, where
 
 
 @pytest.mark.parametrize("shape", [Paraboloid, Sphere])
 def test_tips_by_the_table(shape):
     time, history = np.array([0.05, 0.1, 0.11, 0.2, 0.5, 2.0]), ramp_and_hold(0.1, 0.1)
-    table = tip_table.shipped("porous")
+    table = shipped_tip("porous")
     read, solved = (
         DrainingTip(shape(20.0), isotropic(0.15), 3.0, "porous", table=t).force(history, time)
         for t in (table, None)
     )
     assert (read != solved).all()
-    assert np.abs(read - solved).max() < tip_table.STATED_ERROR * solved.max()
+    assert np.abs(read - solved).max() < TIP_ERROR * solved.max()
 
 
 def test_what_the_tip_table_does_not_cover():
-    table = tip_table.shipped("solid")
+    table = shipped_tip("solid")
     assert table.covers(1.0, 0.2, 0.1, 5.0)
     for outside in ((1.0, 0.2, 0.1, 11.0), (1.1, 0.2, 0.1, 5.0), (1.0, 0.2, 4.0, 5.0)):
         assert not table.covers(*outside)
@@ -91,7 +99,7 @@ def test_a_table_of_a_fit():
 
 def fit(radius, thickness, history, time, force, noise, start):
     """Least squares in ln E, nu, ln k on the shipped table."""
-    table = punch_table.shipped("solid")
+    table = shipped_punch("solid")
 
     def residual(p):
         material = Biphasic(np.exp(p[0]), p[1], np.exp(p[2]))

@@ -13,7 +13,7 @@ from support.populations import write_study
 from support.reports import small_posterior
 from underlay.inference.citation import bibtex, of_sampling, used_by, work, works
 from underlay.inference.cited import cited
-from underlay.mechanics.published import published_names
+from underlay.mechanics.published.law import published_names
 
 SCENE = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1.3e-3), ul.RIGID)
 DEPTH = np.linspace(-1e-5, 8e-5, 80)

@@ -13,7 +13,7 @@ from underlay.mechanics.exact.curve_family import (
     curve_family,
     range_number,
 )
-from underlay.mechanics.exact.family_law import side_by_side, tabulated_law
+from underlay.mechanics.exact.table_laws import side_by_side, tabulated_law
 
 TIPS = {
     "paraboloid": ul.Paraboloid(2e-4),

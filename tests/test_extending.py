@@ -15,13 +15,7 @@ from underlay.data.export import curve_csv
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
 from underlay.mechanics.body import transversely_isotropic_constants
-from underlay.mechanics.published.correction import (
-    LAYER_NU,
-    MEASURED_RANGE,
-    RIGID_BONDED,
-    MeasuredError,
-    PolynomialFactor,
-)
+from underlay.mechanics.published.correction import LAYER_NU, MeasuredError, PolynomialFactor
 from underlay.report import tables as fit_tables
 from underlay.report.labels import label
 from underlay.scene.effects import effects_table
@@ -244,10 +238,10 @@ def test_material_is_computed_fitted_and_drawn(tmp_path):
 FIRST_ORDER = ul.PublishedCorrection(
     name="first-order",
     indenter="sphere",
-    substrate=RIGID_BONDED,
+    substrate="rigid, layer bonded",
     equation="P/P_Hertz = 1 + (2 a_0/pi) x, x = sqrt(R d)/h",
     valid_range=(0.0, 0.1),
-    range_basis=MEASURED_RANGE,
+    range_basis="measured against the exact contact law",
     nu_range=(0.5, 0.5),
     assumptions=("linear elasticity, no friction under the tip",),
     source="the first order of Argatov & Sabina's expansion, as an example",

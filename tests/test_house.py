@@ -234,9 +234,9 @@ DOORS = {
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
+    "mechanics/published/law": {"read_text"},  # of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
-    "mechanics/biphasic/punch_table": {"np.load"},  # of the package itself
-    "mechanics/biphasic/tip_table": {"np.load"},  # of the package itself
+    "mechanics/biphasic/tables": {"np.load"},  # of the package itself
     "cli/start": {"read_text"},  # of the package itself
     "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
@@ -270,10 +270,10 @@ KEPT_FOR_THE_PROCESS = {
     # Functions of nothing but their own numbers, made when first asked for.
     "inference/uncertainty/columns": {"_eigenvectors"},
     "inference/uncertainty/hypotheses": {"_choices"},
-    "mechanics/finite_width/compliance": {"_splines"},
-    "mechanics/stiffening/gradual": {"_near"},
-    "mechanics/biphasic/punch_table": {"shipped"},
-    "mechanics/biphasic/tip_table": {"shipped"},
+    "mechanics/finite_width": {"_splines"},
+    "mechanics/published/law": {"published_corrections"},
+    "mechanics/stiffening/factors": {"_near"},
+    "mechanics/biphasic/tables": {"shipped_punch", "shipped_tip"},
     "plugins": {"plugins"},
     # What the letters of a name of a column say: a bounded number, which every file of a kind asks for again.
     "data/readers/_text": {"_split_label", "kind_named"},

@@ -8,8 +8,8 @@ from mpmath import mpf
 import underlay as ul
 from support.reference_contact import solve
 from support.series import blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
-from underlay.mechanics.asymptotic import blunt, blunt_relations
-from underlay.mechanics.asymptotic.blunt_relations import BluntLayer
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.blunt import BluntLayer
 
 __all__ = ["fifty_digits"]  # used by pytest
 
@@ -21,7 +21,7 @@ def test_eq_9_1_and_9_2_quotient(lam, moments):
     numerator = mpmath.diff(lambda x: force_5_2(x, lam, moments), eps)
     denominator = mpmath.diff(lambda x: depth_5_3(x, lam, moments), eps)
     quotient = 4 * lam / (lam + 1) * numerator / denominator  # theta A F_1 = 4 lambda/(lambda+1) A F_2
-    stiffness = blunt_relations.parametric_stiffness(float(eps), BluntLayer(*(float(x) for x in case)))
+    stiffness = blunt.parametric_stiffness(float(eps), BluntLayer(*(float(x) for x in case)))
     assert float(stiffness) == pytest.approx(float(quotient), rel=1e-12)
 
 
@@ -59,7 +59,7 @@ def test_eq_9_4_and_the_erratum_before_it(lam, moments):
     scale = 4 * lam / (lam + 1) * A * F_2 * h ** (lam + 1)
     if lam <= 7:
         case = BluntLayer(*(float(x) for x in (lam, A, 1, h, *moments)))
-        mine = blunt_relations.explicit_stiffness(np.array([float(w)]), case)[0]
+        mine = blunt.explicit_stiffness(np.array([float(w)]), case)[0]
         assert mine == pytest.approx(float(scale * force_slope * slope), rel=1e-10)
         prefactor = (lam + 1) / lam * float(blunt.force_factor(float(lam))) * F_2 ** (1 / lam)
         assert abs(prefactor - 4) < 1e-12  # the identity after (9.4)

@@ -7,8 +7,8 @@ from mpmath import mpf
 import underlay as ul
 from support.reference_contact import solve
 from support.series import MOMENTS, blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
-from underlay.mechanics.asymptotic import blunt, blunt_relations
-from underlay.mechanics.asymptotic.blunt_relations import BluntLayer
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.blunt import BluntLayer
 
 __all__ = ["fifty_digits"]  # used by pytest
 
@@ -26,12 +26,12 @@ def test_eq_7_1_and_7_2_scaling_factor():
     case = BluntLayer(3.0, 0.8, 2.0, 1.0, 1.2, -0.5)
     halfspace = case._replace(a_0=0.0, a_1=0.0)
     depth = np.linspace(0.01, 0.1, 5)
-    ratio = blunt_relations.explicit_force(depth, case) / blunt_relations.explicit_force(depth, halfspace)
-    varpi = blunt_relations.scaled_depth(depth, case)
+    ratio = blunt.explicit_force(depth, case) / blunt.explicit_force(depth, halfspace)
+    varpi = blunt.scaled_depth(depth, case)
     assert np.allclose(ratio, series(blunt.force_coefficients(3.0, 1.2, -0.5), varpi), rtol=1e-13)
     F_3 = float(blunt.force_factor(3.0))
     printed = 2.0 * 0.8 ** (-1 / 3) * F_3 * depth ** (4 / 3)
-    assert np.allclose(blunt_relations.explicit_force(depth, halfspace), printed, rtol=1e-13)
+    assert np.allclose(blunt.explicit_force(depth, halfspace), printed, rtol=1e-13)
 
 
 @blunt_cases
@@ -93,12 +93,12 @@ def test_eq_7_7_against_the_exact_flat_punch(form):
 def test_eq_8_1_and_8_3_force_in_varpi():
     case = BluntLayer(3.0, 0.8, 2.0, 1.5, 1.2, -0.5)
     depth = np.linspace(0.01, 0.1, 5)
-    varpi = blunt_relations.scaled_depth(depth, case)
+    varpi = blunt.scaled_depth(depth, case)
     f = series(blunt.force_coefficients(3.0, 1.2, -0.5), varpi)
     printed = 2.0 * 0.8 * float(blunt.force_prefactor(3.0)) * 1.5**4 * varpi**4 * f
-    force = blunt_relations.explicit_force(depth, case)
+    force = blunt.explicit_force(depth, case)
     assert np.allclose(force, printed, rtol=1e-13)
-    assert np.allclose(blunt_relations.scaled_force(force, case), varpi * f**0.25, rtol=1e-13)
+    assert np.allclose(blunt.scaled_force(force, case), varpi * f**0.25, rtol=1e-13)
 
 
 @blunt_cases
@@ -138,11 +138,11 @@ def test_eq_8_5_radius_from_force_follows_from_5_2(lam, moments):
 def test_eq_8_4_and_8_5_as_arrays():
     case = BluntLayer(2.0, 0.5, 2.0, 1.5, 1.2, -0.5)
     force = np.linspace(0.1, 0.5, 4)
-    scaled = blunt_relations.scaled_force(force, case)
+    scaled = blunt.scaled_force(force, case)
     lam, F_3 = 2.0, float(blunt.force_factor(2.0))
     bracket = 1 - 2 * lam * 1.2 / (np.pi * 3) * scaled
     bracket -= 8 * lam * 4 * -0.5 / (3 * np.pi * 3 * 5) * scaled**3
     printed = 0.5 ** (1 / 3) * (force / (2.0 * F_3)) ** (2 / 3) * bracket
-    assert np.allclose(blunt_relations.compliance_depth(force, case), printed, rtol=1e-13)
+    assert np.allclose(blunt.compliance_depth(force, case), printed, rtol=1e-13)
     radius = 1.5 * scaled * (1 + 8 * -0.5 / (3 * np.pi * 3) * scaled**3)
-    assert np.allclose(blunt_relations.compliance_radius(force, case), radius, rtol=1e-13)
+    assert np.allclose(blunt.compliance_radius(force, case), radius, rtol=1e-13)

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
-from underlay.mechanics.exact.radius_series import RadiusSeries
+from underlay.mechanics.exact.master_curve import (
+    RadiusSeries,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+)
 
 
 def made_series(terms=30):

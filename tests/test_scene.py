@@ -123,7 +123,7 @@ def test_a_half_space_computes_no_kernel(monkeypatch):
     def never(*_args, **_options):
         raise AssertionError("the kernel was computed")
 
-    monkeypatch.setattr("underlay.mechanics.kernel.substrate.isotropic_formula", never)
+    monkeypatch.setattr("underlay.mechanics.kernel.bodies.isotropic_formula", never)
     bare = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(0.6e6, 0.45)))
     same = ul.Scene(ul.Sphere(1e-3), ul.Layer(bare.layer.material, 1e-3), bare.layer.material)
     assert same.force(DEPTH) == pytest.approx(bare.force(DEPTH), rel=0, abs=0)

@@ -12,7 +12,7 @@ import pytest
 import underlay as ul
 from support.call_counter import count_calls
 from support.laws import exact_law
-from underlay.mechanics.kernel import substrate as one_layer
+from underlay.mechanics.kernel import bodies as one_layer
 from underlay.mechanics.solvers import as_solver, solver_named, solver_record
 
 RTOLS = (1e-2, 1e-3, 1e-4, 1e-6)

@@ -39,7 +39,7 @@ def test_laws_of_one_unknown_are_read_off_a_table(scene, path):
     forward = compiled(scene, path)
     for factor in (0.3, 1.0, 2.7):
         values = scene.with_values({path: factor * UNKNOWNS[path]}).parameters
-        law = forward.law(values, float(DEPTH[-1])).law
+        law = forward.law(values, float(DEPTH[-1])).inner
         assert "tabulated" in law.reason
         solved = scene.with_values(values).force(DEPTH, solver=ul.Exact(1e-9))
         np.testing.assert_allclose(forward.force(values), solved, rtol=1e-5)

@@ -14,8 +14,8 @@ import pytest
 
 import underlay as ul
 from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.kernel.bodies import sheets_of, values_of
 from underlay.mechanics.kernel.recursion import Recursion
-from underlay.mechanics.kernel.stack import sheets_of, values_of
 from underlay.scene.effects import effect_sizes
 
 U = np.array([0.0, 1e-6, 0.01, 0.1, 0.3, 0.49, 0.51, 1.0, 2.0, 5.0, 12.0])

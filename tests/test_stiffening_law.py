@@ -5,7 +5,7 @@ import pytest
 from scipy import integrate, special
 
 import underlay as ul
-from underlay.mechanics.stiffening.gradual import gradual_depth, moment, series_moment
+from underlay.mechanics.stiffening.factors import gradual_depth, moment, series_moment
 from underlay.mechanics.stiffening.law import FormUnknown
 
 R = 25e-6
@@ -39,7 +39,7 @@ def test_the_slope_is_the_derivative_of_the_force(case):
     step = 2e-3
     forces = [one.force(w * (1.0 + k * step)) for k in (-2, -1, 1, 2)]
     measured = (forces[0] - 8.0 * forces[1] + 8.0 * forces[2] - forces[3]) / (12.0 * step * w)
-    linear = one.linear
+    linear = one.linear_law
     own = [linear.force(w * (1.0 + k * step)) for k in (-2, -1, 1, 2)]
     its = (own[0] - 8.0 * own[1] + 8.0 * own[2] - own[3]) / (12.0 * step * w) / linear.stiffness(w) - 1.0
     found = one.stiffness(w) / measured - 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from studies.stored_curves import RTOL
+from studies.stored_curves import RTOL, write
 from underlay.mechanics.body import isotropic_constants, transversely_isotropic_constants
 from underlay.mechanics.exact import stored_curves as module
 from underlay.mechanics.exact.contact_problem import ContactProblem
@@ -106,7 +106,7 @@ def test_a_stale_file_is_refused(monkeypatch, tmp_path):
     path = tmp_path / FILE.name
     monkeypatch.setattr(module, "FILE", path)
     kept = StoredCurves(*np.load(FILE, allow_pickle=False).tolist())
-    monkeypatch.setattr(module, "_MADE_FOR", (*module._MADE_FOR[:-1], module._MADE_FOR[-1] + 1))
+    monkeypatch.setattr(module, "MADE_FOR", (*module.MADE_FOR[:-1], module.MADE_FOR[-1] + 1))
     np.save(path, np.load(FILE, allow_pickle=False))
     with pytest.raises(ul.LawError, match="install underlay again"):
         StoredCurves.read()
@@ -118,6 +118,6 @@ def test_a_stale_file_is_refused(monkeypatch, tmp_path):
 def test_what_is_written_is_read(monkeypatch, tmp_path):
     there = StoredCurves.read()
     monkeypatch.setattr(module, "FILE", tmp_path / FILE.name)
-    there.write()
+    write(there)
     for one, other in zip(there, StoredCurves.read(), strict=True):
         np.testing.assert_array_equal(one, other)

@@ -42,6 +42,14 @@ def pair(nu: float, base: float | None = None) -> ul.SubstrateKernel:
     return ul.SubstrateKernel(ul.Isotropic(1.0, nu), ul.RIGID if base is None else ul.Isotropic(base, 0.3))
 
 
+def stuck(
+    tip: ul.Indenter, nu: float, depth: float, base: float | None = None, solver: object = "stuck"
+) -> ul.ContactLaw:
+    """Law of a layer of unit modulus and thickness up to a depth, on a rigid base or one of nu = 0.3."""
+    under = ul.RIGID if base is None else ul.Isotropic(base, 0.3)
+    return ul.contact_law(tip, ul.Layer(ul.Isotropic(1.0, nu), 1.0), under, max_depth=depth, solver=solver)
+
+
 def mossakovskii(nu: float) -> float:
     return (1.0 - nu) * np.log(3.0 - 4.0 * nu) / (1.0 - 2.0 * nu) if nu < 0.5 else 1.0
 
@@ -170,8 +178,7 @@ def test_a_thin_incompressible_layer_squeezes_out() -> None:
 )
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_slope_of_the_force_is_the_punch_of_the_radius(tip: ul.Indenter, nu: float) -> None:
-    law = ul.contact_law(tip, ul.Layer(ul.Isotropic(1.0, nu), 1.0), ul.RIGID, max_depth=0.6, friction="stuck")
-    w = np.linspace(0.05, 0.55, 7)
+    law, w = stuck(tip, nu, 0.6), np.linspace(0.05, 0.55, 7)
     step = 1e-4
     slope = (law.force(w + step) - law.force(w - step)) / (2.0 * step)
     assert law.stiffness(w) == pytest.approx(slope, rel=1e-5)
@@ -181,11 +188,9 @@ def test_the_slope_of_the_force_is_the_punch_of_the_radius(tip: ul.Indenter, nu:
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.5])
 def test_sticking_is_never_softer_than_sliding_under_a_flat_punch(nu: float) -> None:
-    layer = ul.Layer(ul.Isotropic(1.0, nu), 1.0)
     for radius in (0.1, 0.7, 3.0):
         slides, sticks = (
-            ul.contact_law(ul.FlatPunch(radius), layer, ul.RIGID, max_depth=1.0, solver=s)
-            for s in (ul.Exact(1e-9), ul.Stuck(1e-9))
+            stuck(ul.FlatPunch(radius), nu, 1.0, solver=s) for s in (ul.Exact(1e-9), ul.Stuck(1e-9))
         )
         assert sticks.force(1.0) >= slides.force(1.0)
 
@@ -221,12 +226,8 @@ def test_isotropic_constants_written_as_transversely_isotropic_give_the_same() -
 
 
 def test_a_sphere_much_larger_than_its_contact_is_a_paraboloid() -> None:
-    layer = ul.Layer(ul.Isotropic(1.0, 0.3), 1.0)
-    ball, bowl = (
-        ul.contact_law(tip(1e5), layer, ul.RIGID, max_depth=1e-5, friction="stuck").force(1e-5)
-        for tip in (ul.Sphere, ul.Paraboloid)
-    )
-    assert ball == pytest.approx(bowl, rel=2e-6)
+    sphere, bowl = (stuck(tip(1e5), 0.3, 1e-5).force(1e-5) for tip in (ul.Sphere, ul.Paraboloid))
+    assert sphere == pytest.approx(bowl, rel=2e-6)
 
 
 # --- values found by other means -------------------------------------------------------------------------
@@ -363,21 +364,17 @@ def test_what_a_field_leaves_outside_keeps_its_digits_for_many_functions() -> No
 
 def test_a_measured_tip_says_what_its_corners_cost() -> None:
     r = np.linspace(0.0, 1.0, 12)
-    layer = ul.Layer(ul.Isotropic(1.0, 0.3), 1.0)
-    smooth = ul.contact_law(ul.Paraboloid(1.0), layer, ul.RIGID, max_depth=0.3, friction="stuck")
-    coarse = ul.contact_law(
-        ul.Profile(r, np.hypot(r, 0.1) - 0.1), layer, ul.RIGID, max_depth=0.3, friction="stuck"
-    )
-    exact = ul.contact_law(ul.Profile(r, r**2 / 2.0), layer, ul.RIGID, max_depth=0.3, friction="stuck")
+    tips = ul.Paraboloid(1.0), ul.Profile(r, np.hypot(r, 0.1) - 0.1), ul.Profile(r, r**2 / 2.0)
+    smooth, coarse, exact = (stuck(tip, 0.3, 0.3) for tip in tips)
     assert exact.force(0.3) == pytest.approx(smooth.force(0.3), rel=1e-6)
     assert coarse.error_estimate > 1e-4
 
 
 def test_friction_on_a_scene_is_the_solver_stuck() -> None:
     layer, tip = ul.Layer(ul.Isotropic(1e6, 0.49), 1e-3), ul.Sphere(1e-3)
-    plain, stuck = (ul.Scene(tip, layer, ul.RIGID, friction=word) for word in ("none", "stuck"))
-    assert stuck.force(2e-4) == plain.force(2e-4, solver="stuck")
-    assert stuck.force(2e-4) > 1.004 * plain.force(2e-4)
+    plain, sticks = (ul.Scene(tip, layer, ul.RIGID, friction=word) for word in ("none", "stuck"))
+    assert sticks.force(2e-4) == plain.force(2e-4, solver="stuck")
+    assert sticks.force(2e-4) > 1.004 * plain.force(2e-4)
     assert ul.Scene(tip, layer, ul.RIGID).force(2e-4) == plain.force(2e-4)
 
 
@@ -415,61 +412,26 @@ def test_a_kernel_that_knows_no_shear_is_refused() -> None:
         ul.Stuck().law(contact, 0.1)
 
 
+def ball(**effects: object) -> ul.Scene:
+    layer = ul.Layer(ul.Isotropic(1e6, 0.5), relaxation=effects.pop("relaxation", None))
+    return ul.Scene(ul.Sphere(1e-3), layer, **effects)
+
+
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
-    "word": (
-        lambda: ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)), friction="a lot"),
-        "friction is one of unknown, none, stuck",
-    ),
-    "adhesion": (
-        lambda: ul.Scene(
-            ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)), adhesion=ul.JKR(1e-3), friction="stuck"
-        ),
-        "adhesion beside friction",
-    ),
+    "word": (lambda: ball(friction="a lot"), "friction is one of unknown, none, stuck"),
+    "adhesion": (lambda: ball(adhesion=ul.JKR(1e-3), friction="stuck"), "adhesion beside friction"),
     "adhesion, by solver": (
-        lambda: ul.Scene(
-            ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)), adhesion=ul.JKR(1e-3)
-        ).contact_law(1e-5, solver="stuck"),
+        lambda: ball(adhesion=ul.JKR(1e-3)).contact_law(1e-5, solver="stuck"),
         "adhesion beside a tip that sticks",
     ),
     "memory": (
-        lambda: ul.Scene(
-            ul.Sphere(1e-3),
-            ul.Layer(ul.Isotropic(1e6, 0.5), relaxation=ul.Prony((0.5,), (1.0,))),
-            friction="stuck",
-        ),
+        lambda: ball(relaxation=ul.Prony((0.5,), (1.0,)), friction="stuck"),
         "beside a history or a relaxation",
     ),
-    "fold": (
-        lambda: ul.contact_law(
-            ul.Cone(1.3),
-            ul.Layer(ul.Isotropic(1.5, 0.3), 1.0),
-            ul.Isotropic(0.015, 0.3),
-            max_depth=5.0,
-            friction="stuck",
-        ),
-        "wraps the tip in a jump",
-    ),
-    "too wide": (
-        lambda: ul.contact_law(
-            ul.Paraboloid(1.0),
-            ul.Layer(ul.Isotropic(1.0, 0.3), 1.0),
-            ul.RIGID,
-            max_depth=400.0,
-            friction="stuck",
-        ),
-        "20 thicknesses",
-    ),
-    "equator": (
-        lambda: ul.contact_law(
-            ul.Sphere(1.0), ul.Layer(ul.Isotropic(1.0, 0.3), 1.0), ul.RIGID, max_depth=10.0, friction="stuck"
-        ),
-        "end of the indenter's shape",
-    ),
-    "finite strain": (
-        lambda: ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)), finite_strain="yes"),  # type: ignore[arg-type]
-        "finite_strain must be",
-    ),
+    "fold": (lambda: stuck(ul.Cone(1.3), 0.3, 5.0, 0.01), "wraps the tip in a jump"),
+    "too wide": (lambda: stuck(ul.Paraboloid(1.0), 0.3, 400.0), "20 thicknesses"),
+    "equator": (lambda: stuck(ul.Sphere(1.0), 0.3, 10.0), "end of the indenter's shape"),
+    "finite strain": (lambda: ball(finite_strain="yes"), "finite_strain must be"),
 }
 
 
@@ -481,14 +443,10 @@ def test_refused_by_name(case: str) -> None:
 
 
 def test_a_refusal_of_depth_says_how_deep_it_goes() -> None:
-    layer, base = ul.Layer(ul.Isotropic(1.5, 0.3), 1.0), ul.Isotropic(0.015, 0.3)
     with pytest.raises(ul.RangeError) as refused:
-        ul.contact_law(ul.Cone(1.3), layer, base, max_depth=5.0, friction="stuck")
+        stuck(ul.Cone(1.3), 0.3, 5.0, 0.01)
     assert refused.value.max_depth is not None
-    law = ul.contact_law(
-        ul.Cone(1.3), layer, base, max_depth=0.99 * refused.value.max_depth, friction="stuck"
-    )
-    assert law.method == "stuck"
+    assert stuck(ul.Cone(1.3), 0.3, 0.99 * refused.value.max_depth, 0.01).method == "stuck"
 
 
 @pytest.mark.parametrize("word", ["none", "stuck"])
@@ -508,13 +466,12 @@ def test_the_law_costs_a_few_exact_laws_and_the_same_once_held() -> None:
     depth = np.linspace(0.0, 0.8, 1000)
 
     def cold(solver: ul.Solver) -> ul.ContactLaw:
-        layer = ul.Layer(ul.Isotropic(1.0, 0.45), 1.0)
         # A tip whose exact laws are solved for, as those of one that sticks are.
-        return ul.contact_law(ul.PowerLaw(1.9, 1.0), layer, ul.RIGID, max_depth=0.8, solver=solver)
+        return stuck(ul.PowerLaw(1.9, 1.0), 0.45, 0.8, solver=solver)
 
-    stuck, exact = cold(ul.Stuck()), cold(ul.Exact())
+    sticks, exact = cold(ul.Stuck()), cold(ul.Exact())
     assert _ratio(lambda: cold(ul.Stuck()), lambda: cold(ul.Exact())) < 5.0
-    assert _ratio(lambda: stuck.force(depth), lambda: exact.force(depth)) < 1.5
+    assert _ratio(lambda: sticks.force(depth), lambda: exact.force(depth)) < 1.5
 
 
 def _ratio(*works: Callable[[], object]) -> float:

@@ -19,9 +19,9 @@ from underlay.mechanics.exact.curve_family import (
 )
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.table_laws import in_size as size_slope
+from underlay.mechanics.exact.table_laws import tip_laws
 from underlay.mechanics.exact.tip_curves import PunchCell, punch_family
-from underlay.mechanics.exact.tip_law import in_size as size_slope
-from underlay.mechanics.exact.tip_law import tip_laws
 from underlay.mechanics.kernel import LayerKernel
 
 SHARES = np.linspace(0.02, 1.0, 40)

@@ -5,7 +5,7 @@ import pytest
 
 import underlay as ul
 from underlay.mechanics.exact.curve_family import RigidBase
-from underlay.mechanics.exact.tip_law import tip_laws
+from underlay.mechanics.exact.table_laws import tip_laws
 
 
 @pytest.mark.parametrize("thickness", [0.5, 5.0, 60.0, 623.4, 1e5])

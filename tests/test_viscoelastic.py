@@ -1,6 +1,8 @@
 """A relaxing layer on a rigid base: reference values, limits and laws of its force in time."""
 
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -43,89 +45,22 @@ def triangle(time, peak):
 
 # --- reference values, by quadrature over the elastic law, a bed of springs and rings of pressure ---------
 
-TRIANGLE_TIMES = (0.25, 0.50, 0.75, 1.00, 1.10, 1.20, 1.30, 1.40, 1.50, 1.60, 1.70)
-TRIANGLE = {
-    0.5: (
-        0.21332453636,
-        0.72667293879,
-        1.53570825436,
-        2.64717694876,
-        1.89061436757,
-        1.29415316898,
-        0.83878535480,
-        0.50603058048,
-        0.27623730069,
-        0.12871295315,
-        0.04356449934,
-    ),
-    0.3: (
-        0.2354929778,
-        0.7350776110,
-        1.4375979041,
-        2.3133262928,
-        1.6900782798,
-        1.1894491019,
-        0.7969647744,
-        0.4997117593,
-        0.2848459890,
-        0.1390893245,
-        0.0494687041,
-    ),
-}
-RAMP_TIMES = (0.05, 0.125, 0.25, 0.3, 0.5, 1.0, 3.0, 10.0)
-RAMP = {
-    0.5: (
-        0.1471524409,
-        0.7472470173,
-        2.8072534729,
-        2.3983950517,
-        1.7885081517,
-        1.4977492784,
-        1.0263168644,
-        0.7605423558,
-    ),
-    0.3: (
-        0.1655704551,
-        0.7570222131,
-        2.4655663834,
-        2.1154196153,
-        1.5909244429,
-        1.3349770287,
-        0.9153791042,
-        0.6788158669,
-    ),
-}
-POWER_LAW_RAMP = {
-    0.5: (
-        0.39731812799,
-        1.87859467614,
-        6.95705826196,
-        5.78701878,
-        4.70842315,
-        3.90518800,
-        3.05467761,
-        2.38133779,
-    ),
-    0.3: (
-        0.44517508843,
-        1.89431769031,
-        6.09934567084,
-        5.12350917,
-        4.18914810,
-        3.48107318,
-        2.72543772,
-        2.12526545,
-    ),
-}
+WITH_RELAXATION = tomllib.loads((Path(__file__).parent / "data" / "relaxing_forces.toml").read_text("utf-8"))
+
+
+def reference(name, nu):
+    """Times, and the force there, of one motion."""
+    time, *force = np.transpose(WITH_RELAXATION[name]["rows"])
+    return time, force[(0.5, 0.3).index(nu)]
 
 
 @pytest.mark.parametrize("nu", [0.5, 0.3])
 def test_triangle(laws, nu):
     time = np.linspace(0.0, 1.9, 381)
     force = Viscoelastic(SOLID).force(laws[nu].force, triangle(time, REACH[nu]), time)
-    found = force[np.round(200.0 * np.array(TRIANGLE_TIMES)).astype(int)]
+    when, known = reference("triangle", nu)
     # 200 points on the ramp: 2e-9 of the largest force.
-    assert np.abs(found - TRIANGLE[nu]).max() < 1e-8 * max(TRIANGLE[nu])
+    assert np.abs(force[np.round(200.0 * when).astype(int)] - known).max() < 1e-8 * known.max()
     # Contact ends at 1.836396466676, whatever the layer.
     assert force[367] > 0.0
     assert not force[368:].any()
@@ -145,15 +80,16 @@ def test_contact_is_lost_at_the_stated_time(laws):
 
 @pytest.mark.parametrize("nu", [0.5, 0.3])
 @pytest.mark.parametrize(
-    ("relaxation", "reference"),
-    [(ul.Prony((0.5, 0.3), (0.1, 2.0)), RAMP), (ul.PowerLawRelaxation(0.2), POWER_LAW_RAMP)],
+    ("relaxation", "name"),
+    [(ul.Prony((0.5, 0.3), (0.1, 2.0)), "ramp"), (ul.PowerLawRelaxation(0.2), "power_law_ramp")],
 )
-def test_ramp_and_hold(laws, nu, relaxation, reference):
+def test_ramp_and_hold(laws, nu, relaxation, name):
     # Uneven steps: 1000 on the ramp, then of 0.05.
     time = np.concatenate((np.linspace(0.0, 0.25, 1001), np.linspace(0.25, 10.0, 196)[1:]))
     force = Viscoelastic(relaxation).force(laws[nu].force, REACH[nu] * np.minimum(time / 0.25, 1.0), time)
-    at = [int(np.abs(time - t).argmin()) for t in RAMP_TIMES]
-    assert force[at] == pytest.approx(reference[nu], rel=1e-8)
+    when, known = reference(name, nu)
+    at = [int(np.abs(time - t).argmin()) for t in when]
+    assert force[at] == pytest.approx(known, rel=1e-8)
 
 
 def test_two_cycles(laws):

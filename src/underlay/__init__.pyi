@@ -123,10 +123,8 @@ from .mechanics.materials import (
     TransverselyIsotropic as TransverselyIsotropic,
 )
 from .mechanics.profile import Profile as Profile
-from .mechanics.published import (
-    PublishedCorrection as PublishedCorrection,
-    published_corrections as published_corrections,
-)
+from .mechanics.published.correction import PublishedCorrection as PublishedCorrection
+from .mechanics.published.law import published_corrections as published_corrections
 from .mechanics.relaxation import (
     PowerLawRelaxation as PowerLawRelaxation,
     Prony as Prony,
@@ -150,7 +148,7 @@ from .mechanics.solvers import (
     contact_law as contact_law,
 )
 from .mechanics.body import Stack as Stack
-from .mechanics.stiffening import Gent as Gent
+from .mechanics.stiffening.law import Gent as Gent
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots

@@ -25,10 +25,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "src")]
+sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "src"), str(Path(__file__).resolve().parents[1])]
 
 import underlay as ul  # noqa: E402  after the path
-from underlay.mechanics.biphasic import punch_table, tip_table  # noqa: E402
+from support.draining_tables import punch_error, tip_error  # noqa: E402
+from underlay.mechanics.biphasic.tables import shipped_punch, shipped_tip  # noqa: E402
 
 RESULTS = Path(__file__).with_name("results") / "biphasic_coverage.csv"
 FREE = {"layer.E": None, "layer.nu": ul.Uniform(0.0, 0.48), "layer.permeability": None}
@@ -154,8 +155,8 @@ def keep(found):
 def tables():
     """Largest errors of both tables: 200 points of the punch's, 30 of the sphere's."""
     for drainage in ("solid", "porous"):
-        print("punch", drainage, punch_table.measured_error(punch_table.shipped(drainage), 200, seed=1))
-        print("tip", drainage, tip_table.measured_error(tip_table.shipped(drainage), 30, seed=1))
+        print("punch", drainage, punch_error(shipped_punch(drainage), 200, seed=1))
+        print("tip", drainage, tip_error(shipped_tip(drainage), 30, seed=1))
 
 
 if __name__ == "__main__":

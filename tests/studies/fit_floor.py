@@ -27,8 +27,8 @@ from underlay.mechanics.exact.curve_family import (
     range_number,
     ratio_number,
 )
-from underlay.mechanics.exact.family_law import side_by_side
 from underlay.mechanics.exact.master_curve import Factor, polynomial
+from underlay.mechanics.exact.table_laws import side_by_side
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -47,7 +47,7 @@ MISTAKES = (
     ),
     Mistake(
         "the closed form of the kernel serves bases so soft that it loses digits",
-        "mechanics/kernel/substrate.py",
+        "mechanics/kernel/bodies.py",
         "_SOFTEST_BASE = 1e-3",
         "_SOFTEST_BASE = 1e-9",
         ("test_kernel.py", "test_hard_cases.py"),

@@ -39,7 +39,10 @@ EFFECTS = {
         ("Prony", "PowerLawRelaxation", "relaxation"),
     ),
     "stuck": (("mechanics/stuck",), ("Stuck", "stuck")),
-    "stacks": (("mechanics/kernel/stack", "mechanics/kernel/recursion"), ("Stack", "StackKernel", "stacked")),
+    "stacks": (
+        ("mechanics/kernel/bodies", "mechanics/kernel/recursion"),
+        ("Stack", "StackKernel", "stacked"),
+    ),
 }
 
 

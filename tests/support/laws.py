@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import underlay as ul
-from underlay.mechanics.body import Base
 
 
 def exact_law(
-    indenter: ul.Indenter, layer: ul.Layer, substrate: Base | None, *, max_depth: float, rtol: float = 1e-6
+    indenter: ul.Indenter, layer: ul.Layer, substrate: object, *, max_depth: float, rtol: float = 1e-6
 ) -> ul.ContactLaw:
     return ul.Exact(rtol).build(ul.Contact.of(indenter, layer, substrate), max_depth)
 
@@ -15,7 +14,7 @@ def exact_law(
 def asymptotic_law(
     indenter: ul.Indenter,
     layer: ul.Layer,
-    substrate: Base | None,
+    substrate: object,
     max_depth: float,
     *,
     order: int = 4,
@@ -25,6 +24,6 @@ def asymptotic_law(
 
 
 def published_law(
-    correction: object, indenter: ul.Indenter, layer: ul.Layer, substrate: Base, max_depth: float
+    correction: object, indenter: ul.Indenter, layer: ul.Layer, substrate: object, max_depth: float
 ) -> ul.ContactLaw:
     return ul.Published(correction).build(ul.Contact.of(indenter, layer, substrate), max_depth)

@@ -1,7 +1,7 @@
 """Measures the error of every published correction against the exact contact problem.
 
 Run ``python tests/support/published_errors.py`` (src and tests on the path) to print the tables that stand in
-`underlay.mechanics.published`, rounded up to two digits.
+``corrections.toml`` of `underlay.mechanics.published`, rounded up to two digits.
 """
 
 from __future__ import annotations

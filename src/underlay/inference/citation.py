@@ -14,7 +14,7 @@ from pathlib import Path
 
 from underlay._version import VERSION
 from underlay.errors import InputError
-from underlay.mechanics.published import published_corrections, published_names
+from underlay.mechanics.published.law import published_corrections, published_names
 from underlay.scene.scene import Scene
 
 # Works behind the contact laws, by the name of the law in results: key in ``works.bib``, and purpose.

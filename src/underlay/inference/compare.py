@@ -20,7 +20,7 @@ from underlay.inference.from_files import chosen_part, problem_from
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.problem import Problem
-from underlay.mechanics.published import published_names
+from underlay.mechanics.published.law import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Exact, HalfSpace, Published, as_solver
 from underlay.quantities import declared

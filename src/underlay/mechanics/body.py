@@ -30,30 +30,6 @@ from underlay.mechanics.contact_law import OnLaw
 from underlay.mechanics.relaxation import Relaxation
 from underlay.quantities import Part, inlined, no_number, one_of, quantity
 
-__all__ = [
-    "BONDS",
-    "MOST_LAYERS",
-    "RIGID",
-    "SHAPES",
-    "TIP_DRAINAGES",
-    "Base",
-    "Body",
-    "Bond",
-    "Layer",
-    "Material",
-    "PlaneConstants",
-    "Real",
-    "Rigid",
-    "Spring",
-    "Stack",
-    "Stiffening",
-    "as_bond",
-    "isotropic_constants",
-    "magnitude",
-    "stacked",
-    "transversely_isotropic_constants",
-]
-
 #: Bonds that have a name: no gap and no slip; no gap and no friction; and one that nobody knows, which is computed
 #: as bonded, and a fit says what slip would give.
 BONDS = ("bonded", "slip", "unknown")

@@ -24,8 +24,6 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
 from underlay.quantities import Part
 
-__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "BuildsElastic", "Contact", "Variant", "laws_on"]
-
 
 class BuildsElastic(Protocol):
     """What an adhesion model needs of a solver: its accuracy, and the law without adhesion."""

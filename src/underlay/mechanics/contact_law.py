@@ -17,7 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,6 @@ from underlay.errors import InputError, LawError, RangeError, UnderlayError
 from underlay.mechanics.inverse import depth_at_loads
 from underlay.mechanics.response import Response
 from underlay.units import format_quantity
-
-__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState", "DeeperThanLayer", "OnLaw", "ScaledLaw"]
 
 #: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
 CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; ask for less depth, or build it for more"
@@ -107,6 +105,12 @@ class ContactLaw(Response, ABC):
     max_depth: float
     error_estimate: float
     warnings: tuple[object, ...] = ()
+
+    @classmethod
+    def over(cls, law: ContactLaw, /, **own: Any) -> Self:
+        """Law made from another one: what `own` does not give of the fields above is as that one has it."""
+        names = ("method", "reason", "max_depth", "error_estimate", "warnings")
+        return cls(**{name: getattr(law, name) for name in names} | own)
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Force P (N), shape of `depth` (m); `time` is ignored, since the sample is elastic.
@@ -374,20 +378,40 @@ class OnLaw(ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScaledLaw(ContactLaw):
+class LawOnLaw(ContactLaw):
+    """Law that stands on another one, `inner`, and has its nodes, its range and its reason to end."""
+
+    inner: ContactLaw
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Smallest and largest depth (m): from that of the inner law to `max_depth`."""
+        return self.inner.domain[0], self.max_depth
+
+    @property
+    def nodes(self) -> int | None:
+        """Number of radial nodes of the inner law's solution; None for closed formulas."""
+        return self.inner.nodes
+
+    @property
+    def _beyond(self) -> str:
+        return self.inner._beyond  # noqa: SLF001  the law behind this one
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaledLaw(LawOnLaw):
     """Law of a similar contact, from a reference law: P(w) = c P_ref(b w), a(w) = s a_ref(b w).
 
     Contacts are similar if their ratios of lengths and of moduli are the same.
 
     Parameters
     ----------
-    law : ContactLaw
+    inner : ContactLaw
         The reference.
     b, c, s : float
         Factors of depth, force and contact radius.
     """
 
-    law: ContactLaw
     b: float
     c: float
     s: float
@@ -395,13 +419,14 @@ class ScaledLaw(ContactLaw):
     @classmethod
     def of(cls, law: ContactLaw, b: float, c: float, s: float) -> Self:
         """Law P(w) = c P_ref(b w), a(w) = s a_ref(b w) of the reference `law`; `b`, `c` and `s` positive."""
+        # Written out: a fit makes one at every step.
         return cls(
             method=law.method,
             reason=law.reason,
             max_depth=law.max_depth / b,
             error_estimate=law.error_estimate,
             warnings=law.warnings,
-            law=law,
+            inner=law,
             b=b,
             c=c,
             s=s,
@@ -410,48 +435,43 @@ class ScaledLaw(ContactLaw):
     @property
     def domain(self) -> tuple[float, float]:
         """Smallest and largest depth (m) of this contact."""
-        return self.law.domain[0] / self.b, self.max_depth
-
-    @property
-    def nodes(self) -> int | None:
-        """Number of radial nodes of the reference law's solution."""
-        return self.law.nodes
+        return self.inner.domain[0] / self.b, self.max_depth
 
     @property
     def known_slopes(self) -> int:
         """Number of derivatives that the reference law gives."""
-        return self.law.known_slopes
+        return self.inner.known_slopes
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,): c times the reference's, or None."""
-        slope = self.law.work_slope(self.b * depth)
+        slope = self.inner.work_slope(self.b * depth)
         return None if slope is None else self.c * slope
 
     @property
     def pull_off_force(self) -> float:
         """Largest tension (N, positive) under load control: c times the reference's."""
-        return self.c * self.law.pull_off_force
+        return self.c * self.inner.pull_off_force
 
     @property
     def zero_load_radius(self) -> float:
         """Contact radius (m) in equilibrium without load: s times the reference's."""
-        return self.s * self.law.zero_load_radius
+        return self.s * self.inner.zero_load_radius
 
     def pull_off(self, compliance: float = 0.0) -> ContactState:
         """State in which the tip comes off, behind a spring of `compliance` (m/N), scaled from the reference's."""
-        return self._here(self.law.pull_off(self.b * self.c * compliance))
+        return self._here(self.inner.pull_off(self.b * self.c * compliance))
 
     def jump_in(self, compliance: float = 0.0) -> ContactState:
         """State right after first contact, behind a spring of `compliance` (m/N), scaled from the reference's."""
-        return self._here(self.law.jump_in(self.b * self.c * compliance))
+        return self._here(self.inner.jump_in(self.b * self.c * compliance))
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
         """Travels (m) at which the force jumps, behind a spring of `compliance` (m/N): the reference's over b."""
-        return tuple(travel / self.b for travel in self.law.jump_travels(self.b * self.c * compliance))
+        return tuple(travel / self.b for travel in self.inner.jump_travels(self.b * self.c * compliance))
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Depths (m) and forces (N), each (n,), of all equilibria up to `max_depth` (m), from the reference's."""
-        depth, force = self.law.equilibria(self.b * max_depth)
+        depth, force = self.inner.equilibria(self.b * max_depth)
         return depth / self.b, self.c * force
 
     def _here(self, there: ContactState) -> ContactState:
@@ -459,44 +479,40 @@ class ScaledLaw(ContactLaw):
 
     def depth(self, force: ArrayLike) -> FloatArray:
         """Indentation depth (m), shape of `force` (N), from the inverse of the reference law."""
-        return np.asarray(self.law.depth(np.asarray(force, dtype=np.float64) / self.c) / self.b)
+        return np.asarray(self.inner.depth(np.asarray(force, dtype=np.float64) / self.c) / self.b)
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
         """Depth w (m), (n,), with w + `compliance` P(w) = `travel` (m), from the reference law; None if unknown.
 
         `compliance` is that of the spring (m/N).
         """
-        w = self.law.tip_depth(self.b * travel, self.b * self.c * compliance)
+        w = self.inner.tip_depth(self.b * travel, self.b * self.c * compliance)
         return None if w is None else w / self.b
 
     def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
-        return self.law._touching(self.b * depth)  # noqa: SLF001  as below
+        return self.inner._touching(self.b * depth)  # noqa: SLF001  the law this one is a picture of
 
     @property
     def _least_force(self) -> float:
-        return self.c * self.law._least_force  # noqa: SLF001  as below
-
-    @property
-    def _beyond(self) -> str:
-        return self.law._beyond  # noqa: SLF001  the law this one is a picture of
+        return self.c * self.inner._least_force  # noqa: SLF001  the law this one is a picture of
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.c * self.law._force(self.b * depth)  # noqa: SLF001  as above
+        return self.c * self.inner._force(self.b * depth)  # noqa: SLF001  as above
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
-        return self.s * self.law._contact_radius(self.b * depth)  # noqa: SLF001  as above
+        return self.s * self.inner._contact_radius(self.b * depth)  # noqa: SLF001  as above
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        return (self.b * self.c) * self.law._stiffness(self.b * depth)  # noqa: SLF001  as above
+        return (self.b * self.c) * self.inner._stiffness(self.b * depth)  # noqa: SLF001  as above
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
-        both = self.law._force_and_stiffness(self.b * depth)  # noqa: SLF001  as above
+        both = self.inner._force_and_stiffness(self.b * depth)  # noqa: SLF001  as above
         both[0] *= self.c
         both[1] *= self.b * self.c
         return both
 
     def _with_slopes(self, depth: FloatArray) -> FloatArray:
-        rows = self.law._with_slopes(self.b * depth)  # noqa: SLF001  as above
+        rows = self.inner._with_slopes(self.b * depth)  # noqa: SLF001  as above
         rows *= self.c
         rows[1] *= self.b
         return rows

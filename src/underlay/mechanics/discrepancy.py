@@ -26,18 +26,6 @@ from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 
-__all__ = [
-    "FRICTIONS",
-    "DiscrepantLaw",
-    "as_friction",
-    "excess_of",
-    "finite_strain_excess",
-    "friction_in_large_strains",
-    "further_of",
-    "require_measured",
-    "why_unmeasured",
-]
-
 #: ``"none"``: points slide freely. ``"stuck"``: they stick where they touch. ``"unknown"``: computed without, and
 #: what friction could do is said beside a fit. What real friction does lies between the two.
 FRICTIONS = ("unknown", "none", "stuck")
@@ -241,15 +229,14 @@ class DiscrepantLaw(ContactLaw):
         """Add the effects to a law, with `sizes` (s, A, B); the other parameters are those of the class."""
         friction, finite_strain, both = sizes
         laws = [free] if sticks is None else [free, sticks]
-        return cls(
-            method=free.method,
+        return cls.over(
+            free,
             reason=(
                 f"{free.reason}; {friction:.3g} of full friction, {finite_strain:.3g} of finite strain, "
                 f"{both:.3g} of friction in large strains"
             ),
             max_depth=min(law.max_depth for law in laws),
             error_estimate=max(law.error_estimate for law in laws),
-            warnings=free.warnings,
             free=free,
             sticks=sticks,
             friction=friction,

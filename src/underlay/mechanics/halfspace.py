@@ -17,8 +17,6 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import Indenter
 
-__all__ = ["HalfspaceLaw", "halfspace_law", "largest_halfspace_depth", "layer_effect"]
-
 # The layer's effect on force, contact radius and stiffness at a given depth. Over contrast: a theorem bounds that
 # on the force by about 1, the others move by up to twice as much. Over contrast times varpi over the decay rate,
 # where that is small: at most 1.6 for 400 random pairs of isotropic and anisotropic materials, flat punch to

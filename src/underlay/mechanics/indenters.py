@@ -32,8 +32,6 @@ from underlay.errors import InputError
 from underlay.plugins import INDENTERS, Plugin, plugins
 from underlay.quantities import Part, quantity
 
-__all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere", "plugged_indenters"]
-
 # Below this a/R the closed forms of (6.3) and (6.4) subtract nearly equal numbers; the series does not.
 # At 0.5 the 26-term series is exact to 0.5^54 and the closed forms lose 1.3 digits (5e-15).
 _SERIES_LIMIT = 0.5

@@ -15,8 +15,6 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 
-__all__ = ["depth_at_loads", "invert_increasing"]
-
 # Newton takes 4 to 8 steps. At a turning point, where the slope vanishes, each step halves the error and
 # rounding of y leaves 1e-8 of x, which 30 steps reach: there x has no more digits to give.
 _MAX_STEPS = 80

@@ -18,8 +18,6 @@ from underlay.mechanics.body import (
 )
 from underlay.quantities import quantity
 
-__all__ = ["Isotropic", "TransverselyIsotropic"]
-
 # A material declared incompressible may miss zero by the rounding of its own constants.
 _ROUNDING = 8.0 * sys.float_info.epsilon
 _INCOMPRESSIBLE = 0.5

@@ -33,8 +33,6 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.inverse import invert_increasing
 from underlay.quantities import quantity
 
-__all__ = ["Profile"]
-
 _FEWEST_POINTS = 4
 # Radii from which on a table is asked in place of the sums, and its terms: see `_Table`.
 _MANY, _TERMS = 200, 16

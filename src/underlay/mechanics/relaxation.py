@@ -25,8 +25,6 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.errors import InputError
 from underlay.quantities import Part, quantity
 
-__all__ = ["RELAXES", "Modes", "ModesOfSets", "PowerLawRelaxation", "Prony", "Relaxation"]
-
 #: What may relax; with shear alone Poisson's ratio changes in time unless it is 0.5.
 RELAXES = ("shear_and_bulk", "shear")
 

@@ -26,18 +26,6 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.quantities import Part, numbers_of, replace_values
 
-__all__ = [
-    "Doubt",
-    "Elastic",
-    "History",
-    "Invertible",
-    "Motion",
-    "Remembered",
-    "Response",
-    "WholeHistory",
-    "checked_times",
-]
-
 #: A function of depths (m), (n,): the elastic force (N), or a derivative of it.
 Elastic: TypeAlias = Callable[[FloatArray], FloatArray]
 

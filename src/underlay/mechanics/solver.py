@@ -22,8 +22,6 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw, DeeperThanLayer
 from underlay.mechanics.kernel import Family
 
-__all__ = ["Scaling", "Solver"]
-
 
 class Scaling(Enum):
     """How the laws of a solver follow from one another when the parameters of a contact change."""

@@ -24,38 +24,22 @@ import numpy as np
 
 from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic.law import FORMS, asymptotic_law
+from underlay.mechanics.asymptotic.law import asymptotic_law, require_known
 from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepancy import as_friction
 from underlay.mechanics.exact.curve_family import IsotropicPair, range_numbers
-from underlay.mechanics.exact.family_law import side_by_side, table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
-from underlay.mechanics.exact.tip_law import tip_laws, tip_range
+from underlay.mechanics.exact.table_laws import side_by_side, table_number, tabulated_law, tip_laws, tip_range
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Family
-from underlay.mechanics.published import PublishedCorrection, published_law, published_names
+from underlay.mechanics.published.correction import PublishedCorrection
+from underlay.mechanics.published.law import published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stuck.law import stuck_law
 from underlay.plugins import SOLVERS, Plugin, faults, plugins
-
-__all__ = [
-    "AnySolver",
-    "Asymptotic",
-    "Auto",
-    "Exact",
-    "HalfSpace",
-    "Published",
-    "Stuck",
-    "as_solver",
-    "contact_law",
-    "plugged_solvers",
-    "solver_named",
-    "solver_names",
-    "solver_record",
-]
 
 # Of rtol, what may be lost by joining layers.
 _SHARE_OF_JOINS = 0.2
@@ -114,7 +98,7 @@ class _ToTolerance(Solver):
     def tabulated(
         self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
-        """Law read off a table, by `family_law.tabulated_law`; None without a table."""
+        """Law read off a table, by `table_laws.tabulated_law`; None without a table."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
     def kept_law(self, contact: Contact, depth: float) -> ContactLaw | None:
@@ -133,7 +117,7 @@ class _ToTolerance(Solver):
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Function from depths to the forces of several bodies, by `family_law.side_by_side`; or None."""
+        """Function from depths to the forces of several bodies, by `table_laws.side_by_side`; or None."""
         return side_by_side(contact, family, ratios, depth, self.rtol)
 
     def has_slopes(self, contact: Contact) -> bool:
@@ -181,7 +165,8 @@ class _ToTolerance(Solver):
 
 def _no_contact(contact: Contact, name: str) -> ContactLaw:
     """Law of a record that never touches: the force is zero."""
-    return replace(halfspace_law(contact), method=name, max_depth=0.0, reason="no contact")
+    reason = "no contact: the largest depth is not positive"
+    return replace(halfspace_law(contact), method=name, max_depth=0.0, reason=reason)
 
 
 @dataclass(frozen=True)
@@ -254,8 +239,7 @@ class Auto(_ToTolerance):
         if not contact.layered:
             return halfspace_law(contact)
         if not max_depth > 0.0:
-            reason = "no contact: the largest depth is not positive"
-            return replace(halfspace_law(contact), max_depth=0.0, reason=reason)
+            return _no_contact(contact, "halfspace")
         if max_depth > largest_halfspace_depth(contact.indenter):
             return exact_law(contact, max_depth, self.rtol)
         simpler, joined = contact.simplified(max_depth, _SHARE_OF_JOINS * self.rtol)
@@ -302,10 +286,7 @@ class Asymptotic(Solver):
     name: ClassVar[str] = "asymptotic"
 
     def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise InputError(f"unknown form {self.form!r}; known: {', '.join(FORMS)}")
-        if self.order not in range(5):
-            raise InputError(f"order must be 0, 1, 2, 3 or 4; got {self.order!r}")
+        require_known(self.order, self.form)
 
     @property
     def label(self) -> str:

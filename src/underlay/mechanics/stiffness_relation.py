@@ -28,8 +28,6 @@ from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import as_solver, contact_law
 
-__all__ = ["AreaFunction", "modulus_from_stiffness"]
-
 # kappa_inf from (a/h, layer material, substrate): the flat punch's factor of (9.5).
 _PunchFactor: TypeAlias = Callable[[float, Isotropic, Base], float]
 # The modulus is looked for within this factor of the half-space value either way.

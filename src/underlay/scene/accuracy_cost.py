@@ -23,7 +23,7 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import PowerLawShape, abel_factor
-from underlay.mechanics.published import published_names
+from underlay.mechanics.published.law import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfSpace, Published, as_solver
 from underlay.scene.scene import Scene

@@ -78,7 +78,7 @@ from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
-from underlay.mechanics.stiffening import Gent
+from underlay.mechanics.stiffening.law import Gent
 from underlay.plugins import faults
 from underlay.quantities import Part, field_quantities, numbers_of
 from underlay.scene.discrepancy import Discrepancy

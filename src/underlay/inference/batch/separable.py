@@ -39,7 +39,7 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.law_slopes import LawSlopes
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ScaledLaw
-from underlay.mechanics.published import published_names
+from underlay.mechanics.published.law import published_names
 from underlay.scene.noise import Noise
 
 # Largest step of ln E: where it would be larger the force hardly depends on E.
@@ -308,8 +308,8 @@ class SeparableSearch:
             stiffness=stiffness,
             residuals=residuals,
             sum_of_squares=float(residuals @ residuals),
-            law_method=law.law.method,
-            law_error=law.law.error_estimate,
+            law_method=law.method,
+            law_error=law.error_estimate,
         )
 
     def _descend(self, contact: float) -> _Place | None:

@@ -22,8 +22,8 @@ from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.kernel import LayerKernel, StackKernel
+from underlay.mechanics.kernel.bodies import sheets_of
 from underlay.mechanics.kernel.recursion import Recursion
-from underlay.mechanics.kernel.stack import sheets_of
 from underlay.scene.instrument import Chain
 
 #: Numbers of a scene by path: one for all sets, or one per set, (sets,).

@@ -23,8 +23,7 @@ from underlay.inference.model.laws import OneRatio
 from underlay.inference.model.on_law import OnLinear
 from underlay.inference.model.ratio_batch import by_one_law, sets_of_a_tip
 from underlay.mechanics.body import isotropic_constants
-from underlay.mechanics.exact.family_law import family_batch
-from underlay.mechanics.exact.tip_law import TipSets
+from underlay.mechanics.exact.table_laws import TipSets, family_batch
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.scene.instrument import ContactDepth, Frame
 

@@ -18,7 +18,7 @@ from underlay.errors import InputError
 from underlay.inference.model.laws import LawSource
 from underlay.inference.model.similarity import Similarity
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.tip_law import in_size
+from underlay.mechanics.exact.table_laws import in_size
 from underlay.quantities import kind_of
 
 #: (steps, weights) of a difference quotient.

@@ -23,7 +23,8 @@ from underlay.inference.priors import Given, LogNormal, Normal, Prior
 from underlay.mechanics.body import Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, OnLaw
 from underlay.mechanics.finite_width import NarrowLaw, Sides, sides_at
-from underlay.mechanics.stiffening import FORM_SPREAD, StiffeningLaw, StiffLayer, at_values
+from underlay.mechanics.stiffening.factors import FORM_SPREAD
+from underlay.mechanics.stiffening.law import StiffeningLaw, StiffLayer, at_values
 from underlay.quantities import kind_of, path_of
 from underlay.scene.scene import Scene
 

@@ -17,14 +17,9 @@ from underlay.inference.model.groups import ParameterSets, Readings, Values, set
 from underlay.inference.model.on_law import OnLinear
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.finite_width import Sides, is_wide
-from underlay.mechanics.stiffening import (
-    FIRST_TOUCH,
-    MARGIN,
-    StiffLayer,
-    gent,
-    largest_by_depth,
-    within_reach,
-)
+from underlay.mechanics.stiffening.factors import FIRST_TOUCH, gent
+from underlay.mechanics.stiffening.law import MARGIN, StiffLayer
+from underlay.mechanics.stiffening.limits import largest_by_depth, within_reach
 from underlay.scene.instrument import Baseline, BaselineSlope, ContactDepth, Frame
 
 # Least depth (m) at which a law is asked of a set that does not press.

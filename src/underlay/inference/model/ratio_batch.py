@@ -37,8 +37,7 @@ from underlay.inference.model.groups import (
 from underlay.inference.model.laws import LawSource, OneRatio
 from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.family_law import family_batch
-from underlay.mechanics.exact.tip_law import TipSets
+from underlay.mechanics.exact.table_laws import TipSets, family_batch
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.quantities import kind_of
 

@@ -24,7 +24,7 @@ from underlay.inference.least_squares.settle import first_noises
 from underlay.inference.model.on_law import FORM
 from underlay.inference.priors import Uniform
 from underlay.inference.uncertainty.answer import NORMAL_95
-from underlay.mechanics.stiffening import FORM_SPREAD
+from underlay.mechanics.stiffening.factors import FORM_SPREAD
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit

@@ -57,7 +57,7 @@ from underlay.mechanics.discrepancy import (
 from underlay.mechanics.finite_width import NarrowLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Exact, Stuck
-from underlay.mechanics.stiffening import StiffeningLaw
+from underlay.mechanics.stiffening.law import StiffeningLaw
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 from underlay.scene.scene import Scene
 

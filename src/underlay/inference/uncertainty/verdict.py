@@ -194,7 +194,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
 def _may_stiffen(scene: Scene, deepest: float) -> bool:
     """Whether a strain-stiffening layer could be used for this test, to the depth `deepest` (m), and is not yet."""
     # Loaded only for a curve that its model does not fit.
-    from underlay.mechanics.stiffening import Gent  # noqa: PLC0415  see above
+    from underlay.mechanics.stiffening.law import Gent  # noqa: PLC0415  see above
 
     if scene.layer.stiffening is not None:
         return False

@@ -31,18 +31,6 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.contact_law import ContactLaw, ContactState
 
-__all__ = [
-    "STATES",
-    "AdhesiveBranch",
-    "AdhesiveLaw",
-    "BranchPoint",
-    "Curve",
-    "Jump",
-    "StablePath",
-    "in_touch",
-    "stable_path",
-]
-
 #: Radii (m), (n,), to (y, dy/da).
 Curve: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 #: Radii (m), (n,), to further columns that are to be interpolated too, (n, k).

@@ -34,7 +34,6 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.adhesive_law import STATES, AdhesiveBranch, AdhesiveLaw, BranchPoint
 from underlay.mechanics.adhesion.jkr_table import JKRTable
 from underlay.mechanics.adhesion.radius_relation import (
-    HalfspaceRelation,
     RadiusRelation,
     kernel_rule,
     largest_radius,
@@ -46,18 +45,6 @@ from underlay.mechanics.exact.law import ExactPunchLaw, exact_punch_law
 from underlay.mechanics.exact.nodes import legendre_rule
 from underlay.quantities import one_of, quantity
 from underlay.units import format_quantity
-
-__all__ = [
-    "JKR",
-    "WORK",
-    "JKRBranch",
-    "MaugisState",
-    "RangeLimit",
-    "elastic_tolerance",
-    "jkr_branch",
-    "maugis_state",
-    "range_limit",
-]
 
 # 40 nodes reach 12 digits at a/h = 0.5 and 1; twice as many for wide contacts.
 _NODES, _WIDE_NODES, _WIDE = 40, 80, 3.0
@@ -432,7 +419,7 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
 
     `reference` is the radius of zero depth, `widest` the largest allowed (m).
     """
-    halfspace = HalfspaceRelation(contact.indenter, contact.theta)
+    halfspace = RadiusRelation(contact.indenter, contact.theta)
     end = min(1.2 * reference, widest)
     while end < widest:
         ends = np.minimum(end * _WIDTHS, widest)

@@ -31,13 +31,13 @@ from underlay.errors import InputError
 from underlay.mechanics.adhesion.adhesive_law import in_touch
 from underlay.mechanics.adhesion.radius_relation import RadiusRelation, largest_radius, solve_relation
 from underlay.mechanics.contact import AdhesionTable, AdhesiveReadings, Contact
+from underlay.mechanics.exact.curve_family import RatioSpan, ratio_numbers, ratio_span
+from underlay.mechanics.exact.master_curve import chebyshev_angles, lagrange
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["Columns", "JKRTable", "PunchNodes", "Quantity", "Span"]
-
 _OCTAVES, _PER_OCTAVE = 12, 20
-# Spans of the ratio, with edges at no round number; at 11 points the polynomial is good to 9^-11 = 3e-11.
-_SPAN, _EDGE, _POINTS = float(np.log(4.0)), float(np.log(1.37)), 11
+# Places in a range of the ratio that are solved for: the polynomial through 11 is good to 9^-11 = 3e-11.
+_PLACES = np.cos(chebyshev_angles(11))
 # Of the radius at zero depth on a half-space: a set whose table does not reach this far down is left out.
 _LOWEST = 0.03
 # Newton from the chord, or from the parabola at the end of the branch, takes three or four steps. One of less than
@@ -146,19 +146,12 @@ class Span:
     ----------
     points : tuple of PunchNodes
         One, or one at each Chebyshev point of the ratio.
-    middle : float
-        Middle of the range, in ln k.
+    span : RatioSpan
+        The range of the ratio.
     """
 
     points: tuple[PunchNodes, ...]
-    middle: float = 0.0
-
-    @staticmethod
-    def numbers(sets: int, ratio: FloatArray | None) -> NDArray[np.intp]:
-        """Numbers of the ranges that hold the ratios (sets,); zeros where no ratio varies (None)."""
-        if ratio is None:
-            return np.zeros(sets, dtype=np.intp)
-        return np.floor((np.log(ratio) - _EDGE) / _SPAN).astype(np.intp)
+    span: RatioSpan
 
     @classmethod
     def solve(
@@ -168,42 +161,26 @@ class Span:
 
         None where there is no solution.
         """
-        middle = 0.0 if number is None else _EDGE + (number + 0.5) * _SPAN
-        places = np.zeros(1) if number is None else _chebyshev(_POINTS)
+        span = ratio_span(number or 0)
+        places = np.zeros(1) if number is None else _PLACES
         try:
-            contacts = [contact_at(float(np.exp(middle + 0.5 * _SPAN * place))) for place in places]
+            contacts = [contact_at(ratio) for ratio in span.ratios(places).tolist()]
             relations = [solve_relation(contact, end, rtol) for contact in contacts]
         except InputError:
             return None
-        return cls(tuple(PunchNodes.of(relation, end) for relation in relations), middle)
+        return cls(tuple(PunchNodes.of(relation, end) for relation in relations), span)
 
     def nodes(self, sets: int, ratio: FloatArray | None) -> tuple[PunchNodes, NDArray[np.intp]]:
         """Tables of `sets` sets at their ratios (sets,), and the index of each set's table."""
         first = self.points[0]
         if ratio is None:
             return first, np.zeros(sets, dtype=np.intp)
-        weights = _weights(2.0 * (np.log(ratio) - self.middle) / _SPAN, _chebyshev(len(self.points)))
+        weights = lagrange(self.span.place(np.log(ratio)), _PLACES)
         # Sums in a fixed order: a set's table does not depend on how many there are.
         cubics = np.zeros((*first.cubics.shape[:2], sets, first.cubics.shape[-1]))
         for weight, point in zip(weights.T, self.points, strict=True):
             cubics += weight[:, None] * point.cubics
         return PunchNodes(first.log_radius, cubics), np.arange(sets)
-
-
-def _chebyshev(count: int) -> FloatArray:
-    """Chebyshev points in (-1, 1), (count,)."""
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-def _weights(x: FloatArray, points: FloatArray) -> FloatArray:
-    """Lagrange polynomials of `points` at x, (x, points), as products, which are exact at the points too."""
-    differences = x[:, None] - points
-    weights = np.ones((x.size, points.size))
-    for column, point in enumerate(points):
-        for other, apart in enumerate(points):
-            if other != column:
-                weights[:, column] *= differences[:, other] / (point - apart)
-    return weights
 
 
 @dataclass(frozen=True)
@@ -310,7 +287,7 @@ class JKRTable(AdhesionTable):
         Sets for which it is not come again with a wider table. `deepest` (m), (sets,), are the largest depths.
         """
         octave = self._first_octaves(work, deepest)
-        cells = Span.numbers(work.size, ratio)
+        cells = (np.zeros(work.size) if ratio is None else ratio_numbers(ratio)).astype(np.intp)
         waiting = np.ones(work.size, dtype=bool)
         while waiting.any():
             first = np.flatnonzero(waiting)[0]

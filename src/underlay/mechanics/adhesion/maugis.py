@@ -31,10 +31,8 @@ from underlay.mechanics.adhesion.jkr import (
 )
 from underlay.mechanics.adhesion.radius_relation import largest_radius
 from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import ContactLaw, LawOnLaw
 from underlay.quantities import quantity
-
-__all__ = ["DMT", "DMTLaw", "Maugis", "MaugisState", "maugis_state"]
 
 # The curve of a law: solved at so many radii in each decade, and interpolated to about 1e-6.
 _PER_DECADE = 24
@@ -186,18 +184,17 @@ def _bracket(excess: Callable[[float], float], start: float, highest: float) -> 
 
 
 @dataclass(frozen=True, kw_only=True)
-class DMTLaw(ContactLaw):
+class DMTLaw(LawOnLaw):
     """An elastic law minus a constant attraction while in contact; see `DMT`.
 
     Parameters
     ----------
-    elastic : ContactLaw
+    inner : ContactLaw
         The law without adhesion.
     attraction : float
         The pull (N, positive): 2 pi R dgamma, with tip radius R and work of adhesion dgamma.
     """
 
-    elastic: ContactLaw
     attraction: float
 
     def work_slope(self, depth: FloatArray) -> FloatArray:
@@ -205,26 +202,17 @@ class DMTLaw(ContactLaw):
         return np.where(depth > 0.0, -self.attraction, 0.0)
 
     @property
-    def nodes(self) -> int | None:
-        """Number of radial nodes of the elastic law."""
-        return self.elastic.nodes
-
-    @property
-    def _beyond(self) -> str:
-        return self.elastic._beyond  # noqa: SLF001  the law behind this one
-
-    @property
     def _least_force(self) -> float:
         return -self.attraction
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.elastic._force(depth) - self.attraction  # noqa: SLF001  as above
+        return self.inner._force(depth) - self.attraction  # noqa: SLF001  as above
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
-        return self.elastic._contact_radius(depth)  # noqa: SLF001  as above
+        return self.inner._contact_radius(depth)  # noqa: SLF001  as above
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        return self.elastic._stiffness(depth)  # noqa: SLF001  as above
+        return self.inner._stiffness(depth)  # noqa: SLF001  as above
 
 
 @dataclass(frozen=True)
@@ -268,15 +256,7 @@ class DMT(Adhesion):
             )
         attraction = 2.0 * float(np.pi) * radius * self.work
         elastic = _elastic(replace(contact, adhesion=None), max_depth, attraction, radius, solver)
-        return DMTLaw(
-            method=elastic.method,
-            reason=f"DMT; {elastic.reason}",
-            max_depth=elastic.max_depth,
-            error_estimate=elastic.error_estimate,
-            warnings=elastic.warnings,
-            elastic=elastic,
-            attraction=attraction,
-        )
+        return DMTLaw.over(elastic, reason=f"DMT; {elastic.reason}", inner=elastic, attraction=attraction)
 
 
 def _elastic(

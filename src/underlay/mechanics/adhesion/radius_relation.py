@@ -18,7 +18,6 @@ No other module of `adhesion` imports the exact solver of rounded tips.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -36,20 +35,12 @@ from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    chebyshev_values,
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import TABLES, even_rule, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
-
-__all__ = [
-    "AtRadius",
-    "HalfspaceRelation",
-    "RadiusRelation",
-    "kernel_rule",
-    "largest_radius",
-    "solve_relation",
-]
 
 # Of the tolerance asked: nodes and truncation both stay below, and derivatives lose a digit.
 _SHARE = 0.03
@@ -74,28 +65,12 @@ class AtRadius(NamedTuple):
     """d ln g(1)/da (1/m)."""
 
 
-class RadiusRelation(ABC):
-    """Elastic contact as a function of its radius (m), up to `end` (m), on a surface of elastic constant `theta`.
-
-    `theta` is in Pa; `error_estimate` is relative, `nodes` the number of radial nodes of the solution.
-    """
-
-    theta: float
-    end: float
-    error_estimate: float
-    nodes: int | None
-
-    @abstractmethod
-    def at(self, radius: FloatArray) -> AtRadius:
-        """Depth, force and punch factors at radii (m), (n,), positive and at most `end`."""
-
-
 @dataclass(frozen=True)
-class HalfspaceRelation(RadiusRelation):
-    """Elastic contact on a half-space by its radius a: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
+class RadiusRelation:
+    """Elastic contact by its radius a: the half-space's relation, times factors where there is a layer.
 
-    H(r) is the depth at which the contact radius on a half-space is r. Equation numbers are those of
-    Argatov and Sabina.
+    On a half-space w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2); H(r) is the depth at which the contact
+    radius on a half-space is r. Equation numbers are those of Argatov and Sabina.
 
     Parameters
     ----------
@@ -103,77 +78,40 @@ class HalfspaceRelation(RadiusRelation):
         Its shape.
     theta : float
         Elastic constant of the surface (Pa).
+    thickness : float, default inf
+        Of the layer (m).
+    series : RadiusFactors, optional
+        The factors on a layer; None on a half-space.
     """
 
     indenter: Indenter
     theta: float
-    error_estimate: float = 0.0
-    nodes: int | None = None
+    thickness: float = np.inf
+    series: RadiusFactors | None = None
 
     @property
-    def end(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """End of the indenter's shape (m)."""
-        return self.indenter.max_radius
+    def error_estimate(self) -> float:
+        """Relative error of depth, force and punch factors: zero on a half-space."""
+        return 0.0 if self.series is None else self.series.error_estimate
+
+    @property
+    def nodes(self) -> int | None:
+        """Number of radial nodes of the solution; None on a half-space."""
+        return None if self.series is None else self.series.nodes
 
     def at(self, radius: FloatArray) -> AtRadius:
-        """Depth, force and punch factors at radii (m), (n,), positive and at most `end`, in closed form."""
+        """Depth, force and punch factors at radii (m), (n,), positive and within those solved for."""
         depth, one = self.indenter.abel(radius), np.ones_like(radius)
-        work = self.indenter.halfspace_force(depth, radius)
+        force = 4.0 * self.theta * self.indenter.halfspace_force(depth, radius)
         slope = self.indenter.abel_slope(radius)
-        return AtRadius(depth, slope, 4.0 * self.theta * work, one, one, np.zeros_like(radius))
-
-
-@dataclass(frozen=True)
-class LayerRelation(RadiusRelation):
-    """Elastic contact on a layer by its radius: the half-space's relation times factors.
-
-    Parameters
-    ----------
-    halfspace : HalfspaceRelation
-        Of the layer's material.
-    thickness : float
-        Of the layer (m).
-    end : float
-        Largest radius (m).
-    series : _Series
-        Of the factors.
-    """
-
-    halfspace: HalfspaceRelation
-    thickness: float
-    end: float
-    series: _Series
-
-    @property
-    def error_estimate(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Truncation error of the logarithms of depth, force and punch factors."""
-        return self.series.error_estimate
-
-    @property
-    def nodes(self) -> int:  # type: ignore[override]  # as above
-        """Number of radial nodes of the solution."""
-        return self.series.nodes
-
-    @property
-    def theta(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
-        """Elastic constant of the layer (Pa)."""
-        return self.halfspace.theta
-
-    def at(self, radius: FloatArray) -> AtRadius:
-        """Depth, force and punch factors at radii (m), (n,), positive and at most `end`, by the series."""
-        eps = radius / self.thickness
-        # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
-        angle = np.arccos(np.minimum(self.series.stretch.z(eps), 1.0))
-        both = (
-            np.cos(angle[:, None] * np.arange(self.series.coefficients.shape[0])) @ self.series.coefficients
-        )
-        factors = np.exp(both[:, :4])
-        bend, edge_rate = both[:, 4], both[:, 5] * self.series.stretch.dz(eps) / self.thickness
-        half, edge = self.halfspace.at(radius), factors[:, 3]
-        slope = (half.depth_slope + bend * half.depth / radius) / edge
-        return AtRadius(
-            half.depth * factors[:, 0], slope, half.force * factors[:, 1], factors[:, 2], edge, edge_rate
-        )
+        if self.series is None:
+            return AtRadius(depth, slope, force, one, one, np.zeros_like(radius))
+        eps, stretch, coefficients = radius / self.thickness, self.series.stretch, self.series.coefficients
+        both = chebyshev_values(stretch.z(eps), len(coefficients)) @ coefficients
+        factors, bend = np.exp(both[:, :4]), both[:, 4]
+        edge, edge_rate = factors[:, 3], both[:, 5] * stretch.dz(eps) / self.thickness
+        slope = (slope + bend * depth / radius) / edge
+        return AtRadius(depth * factors[:, 0], slope, force * factors[:, 1], factors[:, 2], edge, edge_rate)
 
 
 def largest_radius(contact: Contact) -> float:
@@ -186,9 +124,8 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
 
     The result gives depth, force and the flat punch's factors by contact radius; solutions are cached.
     """
-    halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     if not contact.layered:
-        return halfspace
+        return RadiusRelation(contact.indenter, contact.theta)
     last, fine = radius / contact.thickness, max(_SHARE * rtol, _FINEST)
     own = (
         contact.indenter.exponent
@@ -198,16 +135,17 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
     try:
         hash(contact.kernel)
     except TypeError:  # a material of one's own
-        series = _Series.solve(contact, last, fine)
+        series = RadiusFactors.solve(contact, last, fine)
     else:
         series = TABLES.get(
-            ("radius relation", contact.kernel, own, last, fine), lambda: _Series.solve(contact, last, fine)
+            ("radius relation", contact.kernel, own, last, fine),
+            lambda: RadiusFactors.solve(contact, last, fine),
         )
-    return LayerRelation(halfspace, contact.thickness, radius, series)
+    return RadiusRelation(contact.indenter, contact.theta, contact.thickness, series)
 
 
 @dataclass(frozen=True)
-class _Series:
+class RadiusFactors:
     """Chebyshev series in eps = a/h of a layer's relation over the half-space's, for tips of any size.
 
     kappa is the flat punch's stiffness over that on a half-space. H(r) is the depth at which the
@@ -235,7 +173,7 @@ class _Series:
     def solve(cls, contact: Contact, last: float, fine: float) -> Self:
         """Solve for eps = a/h up to `last`, at relative error `fine`."""
         body, measure = contact.kernel, contact.indenter.power_law
-        halfspace = HalfspaceRelation(contact.indenter, contact.theta)
+        halfspace = RadiusRelation(contact.indenter, contact.theta)
         resolution = proved_resolution(body, last, fine)
         stretch, terms = Stretch.to(last, body.scales.softness), series_terms(body.scales, last, fine)
         while True:

@@ -33,27 +33,6 @@ from underlay.mechanics.indenters import Indenter, Sphere
 from underlay.mechanics.inverse import invert_increasing
 from underlay.mechanics.kernel import SubstrateKernel
 
-__all__ = [
-    "S_0",
-    "S_2",
-    "S_4",
-    "PressedLayer",
-    "S_0_coefficient",
-    "S_2_tilde",
-    "S_2_tilde_coefficient",
-    "contact_pressure",
-    "depth_from_pressure",
-    "england_depth",
-    "england_radius",
-    "force_from_pressure",
-    "halfspace_alpha",
-    "halfspace_load",
-    "parametric_depth",
-    "parametric_load",
-    "polar_moment",
-    "polar_moment_from_pressure",
-]
-
 _UNIT = Sphere(1.0)
 
 

@@ -49,22 +49,6 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 
-__all__ = [
-    "FORMS",
-    "AsymptoticLaw",
-    "Moments",
-    "asymptotic_law",
-    "choose_form",
-    "contact_series",
-    "fifth_coefficient",
-    "force_error",
-    "kernel_moments",
-    "omitted_terms",
-    "punch_error",
-    "punch_factor",
-    "sixth_coefficient",
-]
-
 #: (a_0, a_1, a_2) of (1.8).
 Moments: TypeAlias = tuple[float, float, float]
 # The error can pass through zero on its way up; four depths see it on either side.
@@ -295,7 +279,7 @@ def asymptotic_law(
     >>> law.form, f"{law.force(2e-5):.4e}"
     ('explicit', '6.0016e-05')
     """
-    _check(order, form)
+    require_known(order, form)
     deepest = positive(max_depth, "max_depth", "m")
     moments = kernel_moments(contact)
     chosen, reason = choose_form(contact.indenter, form, moments[0])
@@ -322,7 +306,8 @@ def asymptotic_law(
     )
 
 
-def _check(order: int, form: str) -> None:
+def require_known(order: int, form: str) -> None:
+    """Raise InputError for an order or a form that there is not."""
     if form not in FORMS:
         raise InputError(f"unknown form {form!r}; known: {', '.join(FORMS)}")
     if order not in range(5):
@@ -399,7 +384,7 @@ def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: st
     InputError
         If `order` or `form` is unknown.
     """
-    _check(order, form)
+    require_known(order, form)
     if form == "auto":
         form = "compliance" if a_0 < 0.0 else "explicit"
     kappa = float(blunt.kappa_infinity(eps, a_0, a_1, order=order, form=form))

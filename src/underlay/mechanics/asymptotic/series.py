@@ -29,8 +29,6 @@ from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.inverse import invert_increasing
 
-__all__ = ["ContactSeries", "PowerLawSeries", "PunchSeries", "ShapeSeries", "power_law_series"]
-
 # Neighbours of the first grid are 11 % apart, closer than two turning points can be; six divisions of a step
 # leave 2e-13 of s.
 _STEPS = 88

@@ -9,35 +9,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.biphasic.elastic_ends import elastic_law
-from underlay.mechanics.biphasic.equations import as_drainage
-from underlay.mechanics.biphasic.history import Polyline
+from underlay.mechanics.biphasic.history import Polyline, Response
 from underlay.mechanics.biphasic.judgement import checked_contact, checked_thickness
-from underlay.mechanics.biphasic.material import BiphasicMaterial
-from underlay.mechanics.biphasic.response import Response
-from underlay.mechanics.biphasic.stepping import Stepping, between_bends
-from underlay.mechanics.biphasic.transfer import PunchTransfer, Relaxing, Transfer, creep, relaxation
+from underlay.mechanics.biphasic.material import BiphasicMaterial, elastic_law
+from underlay.mechanics.biphasic.moving import Stepping, between_bends
+from underlay.mechanics.biphasic.tables import PunchTable, TipTable
+from underlay.mechanics.biphasic.transfer import (
+    PunchTransfer,
+    Relaxing,
+    Transfer,
+    as_drainage,
+    creep,
+    relaxation,
+)
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
 from underlay.mechanics.relaxation import Modes
-
-__all__ = [
-    "DrainingPunch",
-    "DrainingTip",
-    "PunchTable",
-    "RampTable",
-    "Ramped",
-    "SingleRamp",
-    "TipRecord",
-    "comes_off",
-]
 
 # Forces above minus this share of the largest are what the noise of a depth record makes of none.
 _RIPPLED = 1e-3
@@ -51,28 +45,6 @@ _FLAT_ENOUGH = 0.2
 _QUICKEST = 1e-3
 # For the rounding of depths in other units.
 _ROOM = 1e-9
-
-
-class PunchTable(Protocol):
-    """Table of the dimensionless responses of isotropic draining layers to a step of depth of a flat punch.
-
-    Entries are contact radius over thickness, a/h (`eps`), and the Poisson's ratio nu of the drained skeleton.
-    """
-
-    def covers(self, eps: float, nu: float) -> NDArray[np.bool_]:
-        """Whether a/h (`eps`) and Poisson's ratio `nu` are inside the table."""
-
-    def ends(self, eps: float, nu: float) -> tuple[FloatArray, FloatArray]:
-        """Normalised stiffness P/(4 theta_d a w) undrained and drained: at once and in the long run after a step.
-
-        P is the force, w the depth, a the radius, theta_d half the indentation modulus of the drained skeleton.
-        """
-
-    def __call__(self, eps: float, nu: float) -> Response:
-        """Response of the force to a unit step of depth, P/(4 theta_d a); times in units of a^2/c.
-
-        P is the force, theta_d half the drained indentation modulus, a the punch radius, c the diffusivity.
-        """
 
 
 @dataclass(frozen=True)
@@ -208,34 +180,6 @@ def comes_off(force: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(force.min(axis=-1) < -_RIPPLED * np.abs(force).max(axis=-1))
 
 
-class Ramped(Protocol):
-    """Drainage during one ramp and hold of a rounded tip, read from a table."""
-
-    def at(self, time: FloatArray) -> FloatArray:
-        """Undrained share (P - P_drained)/(P_undrained - P_drained), (n,), at times since the ramp began.
-
-        P_undrained and P_drained are the elastic forces at the present depth. Times in a0^2/c: a0 the undrained
-        contact radius at the depth held, c the diffusivity.
-        """
-
-
-class RampTable(Protocol):
-    """Table of ramps and holds of a rounded tip on isotropic draining layers.
-
-    Entries are a0/h (`eps`), the drained Poisson's ratio nu and the ramp's duration in a0^2/c; a0 is the undrained
-    contact radius at the depth held, h the thickness, c the diffusivity.
-    """
-
-    def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
-        """Whether the table holds these values of its entries and reaches to the end of the hold, `end`.
-
-        `eps` is a0/h, contact radius over thickness; `nu` Poisson's ratio; `ramp` (duration) and `end` in a0^2/c.
-        """
-
-    def __call__(self, eps: float, nu: float, ramp: float) -> Ramped:
-        """Interpolate at a0/h (`eps`: contact radius over thickness), Poisson's ratio, ramp duration (a0^2/c)."""
-
-
 class SingleRamp(NamedTuple):
     """A ramp of depth: its start and duration (s), final depth (m) and undrained contact radius there (m)."""
 
@@ -265,17 +209,17 @@ class DrainingTip:
         Time steps of the shortest ramp. With Richardson extrapolation from half as many, the error of the force is
         1.5e-4 of the undrained force at the deepest point; 5e-4 in the first steps of the hold if E/E_axial is 5.
         Twice the steps leave a third of the error.
-    table : RampTable or None
+    table : TipTable or None
         Table of ramps and holds on isotropic layers; histories that it does not cover are solved for.
     """
 
-    indenter: Sphere | Paraboloid
+    indenter: Indenter
     material: BiphasicMaterial
     thickness: float
     drainage: str
     modes: Modes | None = None
     steps: int = 20
-    table: RampTable | None = None
+    table: TipTable | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Sphere | Paraboloid):
@@ -342,7 +286,8 @@ class DrainingTip:
         deepest = checked_contact(depth, self.thickness, _RIPPLE)
         radius = float(self.undrained(deepest).contact_radius(deepest))
         one_ramp = not depth.jumps[0].size and depth.rises.size == 1 and depth.value[0] == 0.0
-        blunt = isinstance(self.indenter, Paraboloid) or radius <= _FLAT_ENOUGH * self.indenter.radius
+        tip_radius = self.indenter.curvature_radius or 0.0
+        blunt = isinstance(self.indenter, Paraboloid) or radius <= _FLAT_ENOUGH * tip_radius
         if not (one_ramp and blunt):
             return None
         return SingleRamp(float(depth.bends[0][0]), float(depth.rises[0]), deepest, radius)

@@ -33,20 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.biphasic.elastic_ends import ComplexArray
-from underlay.mechanics.biphasic.material import Skeleton
-
-__all__ = [
-    "Decaying",
-    "Exponentials",
-    "IsotropicDecaying",
-    "TransverseDecaying",
-    "decay_roots",
-    "decaying",
-    "exponentials",
-    "homogeneous_sums",
-    "relative_drop",
-]
+from underlay.mechanics.biphasic.material import ComplexArray, Skeleton
 
 # Below this the Taylor series of a second difference, to _TERMS terms, is exact to 1/20! of itself; above it,
 # dividing by the largest difference loses one digit at most.

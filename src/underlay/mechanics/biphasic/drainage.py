@@ -8,21 +8,18 @@ is not that of one elastic law seen through a memory.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise, product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingPunch, DrainingTip
-from underlay.mechanics.biphasic.history import Polyline, followed, ramps_and_holds
+from underlay.mechanics.biphasic.history import Polyline, Response, followed, ramps_and_holds
 from underlay.mechanics.biphasic.judgement import (
     anisotropy_doubt,
     checked_hold,
@@ -33,15 +30,14 @@ from underlay.mechanics.biphasic.judgement import (
 )
 from underlay.mechanics.biphasic.many import Layers, lattice_forces, punch_forces, tip_forces
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicMaterial
-from underlay.mechanics.biphasic.response import Response
+from underlay.mechanics.biphasic.tables import shipped_punch, shipped_tip
 from underlay.mechanics.biphasic.transfer import Relaxing, Transfer, relaxation
 from underlay.mechanics.body import Layer
+from underlay.mechanics.exact.nodes import TableStore
 from underlay.mechanics.indenters import FlatPunch, Indenter, Paraboloid, Sphere
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Doubt, Invertible, WholeHistory
 from underlay.quantities import numbers_of, replace_values
-
-__all__ = ["CONTACT_DEPTH", "Drainage", "Kept"]
 
 CONTACT_DEPTH = "instrument.contact_depth"
 _E, _K, _NU, _AXIAL = "layer.E", "layer.permeability", "layer.nu", "layer.E_axial"
@@ -72,29 +68,15 @@ class Kept:
     """Cache of the responses of a punch and of the forces of whole records that one problem computed last."""
 
     def __init__(self) -> None:
-        self._responses: OrderedDict[Hashable, Response] = OrderedDict()
-        self._answers: OrderedDict[Hashable, Any] = OrderedDict()
+        self._responses, self._answers = TableStore(_RESPONSES), TableStore(_ANSWERS)
 
     def response(self, transfer: Transfer) -> Response:
         """Response of a transfer function, from the cache or computed."""
-        found: Response = _remembered(
-            self._responses, _key(transfer), lambda: relaxation(transfer), _RESPONSES
-        )
-        return found
+        return self._responses.get(_key(transfer), lambda: relaxation(transfer))
 
     def answer(self, key: Hashable, solve: Callable[[], FloatArray]) -> FloatArray:
         """Force (N), (n,), under the motion that `key` identifies, from the cache or by calling `solve`."""
-        found: FloatArray = _remembered(self._answers, key, solve, _ANSWERS)
-        return found
-
-
-def _remembered(kept: OrderedDict[Hashable, Any], key: Hashable, solve: Callable[[], Any], most: int) -> Any:
-    if key not in kept:
-        kept[key] = solve()
-        while len(kept) > most:
-            kept.popitem(last=False)
-    kept.move_to_end(key)
-    return kept[key]
+        return self._answers.get(key, solve)
 
 
 def _thinned(count: int) -> NDArray[np.intp]:
@@ -160,13 +142,11 @@ class Drainage(WholeHistory):
         """The contact of tip and layer, in SI."""
         tip, material, thickness = self.indenter, self.material, self.layer.thickness
         if isinstance(tip, FlatPunch):
-            table = punch_table.shipped(self.drainage)
+            table = shipped_punch(self.drainage)
             return DrainingPunch(
                 tip.radius, material, thickness, self.drainage, self._modes, table, self.kept.response
             )
-        if not isinstance(tip, Sphere | Paraboloid):
-            raise InputError(f"no draining contact under {tip!r:.80}")
-        ramps = tip_table.shipped(self.drainage)
+        ramps = shipped_tip(self.drainage)
         return DrainingTip(tip, material, thickness, self.drainage, self._modes, table=ramps)
 
     # --- forces -------------------------------------------------------------------------------------------
@@ -201,7 +181,7 @@ class Drainage(WholeHistory):
         if depth.ndim > 1 and not punched:
             return None
         layers = Layers(*(np.broadcast_to(values[path], sets) for path in (_E, _NU, _K)))
-        if isinstance(tip, Sphere | Paraboloid):
+        if not punched:
             line = ramps_and_holds(depth, time)
             return tip_forces(layers, tip, self.layer.thickness, self.drainage, line, depth, time)
         radius, h = (np.broadcast_to(length, sets) for length in (values[_RADIUS], thickness))
@@ -491,7 +471,7 @@ class Drainage(WholeHistory):
             contact.thickness,
             self.drainage,
             self._modes,
-            punch_table.shipped(self.drainage),
+            shipped_punch(self.drainage),
             self.kept.response,
         )
         response = replace(punch.response, start=1.0, end=0.0)

@@ -10,18 +10,6 @@ from underlay.mechanics.biphasic.history import Polyline
 from underlay.mechanics.body import Body, Layer, Rigid
 from underlay.quantities import Part
 
-__all__ = [
-    "anisotropy_doubt",
-    "check_effects",
-    "checked_contact",
-    "checked_hold",
-    "checked_thickness",
-    "hold_doubt",
-    "peak_doubt",
-    "ramp_doubt",
-    "refuse_load_control",
-]
-
 # Points after the ramp below which nothing of the fall is seen.
 _FEWEST = 5
 # Time (a^2/c) at which the plateau is reached well enough for E, nu and k not to correlate: on thick layers later.

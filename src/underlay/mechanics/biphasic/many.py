@@ -14,14 +14,11 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.mechanics.biphasic import punch_table, tip_table
 from underlay.mechanics.biphasic.contacts import DrainingTip, comes_off
 from underlay.mechanics.biphasic.history import Polyline
 from underlay.mechanics.biphasic.material import Biphasic
-from underlay.mechanics.biphasic.punch_table import Axis
-from underlay.mechanics.indenters import Paraboloid, Sphere
-
-__all__ = ["Layers", "lattice_forces", "punch_forces", "tip_forces"]
+from underlay.mechanics.biphasic.tables import Axis, shipped_punch, shipped_tip
+from underlay.mechanics.indenters import Indenter
 
 # A44/A33 from incompressible to nu = 0: the compliance of a drained layer is a polynomial in it, to 1e-9.
 _SOFTNESS = Axis(0.0, 0.5, 16)
@@ -94,7 +91,7 @@ def punch_forces(
     (FloatArray, FloatArray)
         Forces (N), (sets, n), and mask (sets,) of the sets inside the table whose punch stays in contact.
     """
-    table = punch_table.shipped(drainage)
+    table = shipped_punch(drainage)
     eps = radius / thickness
     served = table.covers(eps, layers.nu)
     own, found = layers.of(served), np.zeros((served.size, time.size))
@@ -109,7 +106,7 @@ def punch_forces(
 
 def tip_forces(
     layers: Layers,
-    tip: Sphere | Paraboloid,
+    tip: Indenter,
     thickness: float,
     drainage: str,
     history: Polyline,
@@ -144,7 +141,7 @@ def tip_forces(
         nu = (0.5 - softness) / (1.0 - softness)
         return DrainingTip(tip, Biphasic(2.0 * (1.0 + nu), nu, 1.0), thickness, drainage)
 
-    table, by_softness = tip_table.shipped(drainage), [contact(float(x)) for x in _SOFTNESS.nodes]
+    table, by_softness = shipped_tip(drainage), [contact(float(x)) for x in _SOFTNESS.nodes]
     ramped = by_softness[0].single_ramp(history)
     found, served = np.zeros((layers.nu.size, time.size)), np.zeros(layers.nu.size, dtype=bool)
     if ramped is None:

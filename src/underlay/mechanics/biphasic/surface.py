@@ -23,16 +23,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.biphasic.decaying import decaying
-from underlay.mechanics.biphasic.elastic_ends import ComplexArray
-from underlay.mechanics.biphasic.material import Skeleton
-
-__all__ = [
-    "BesselRule",
-    "Sampled",
-    "SurfaceKernel",
-    "WavenumberRule",
-    "spherical_bessel",
-]
+from underlay.mechanics.biphasic.material import ComplexArray, Skeleton
 
 _Number = TypeVar("_Number", np.float64, np.complex128)
 # Orders above the last at which Miller's recurrence starts: at x = n + 1 the start is below 1e-17 of j_0.

@@ -27,6 +27,7 @@ from underlay.mechanics.exact.master_curve import (
     Factor,
     Stretch,
     chebyshev_angles,
+    chebyshev_values,
     growth_beyond,
     in_powers,
     polynomial,
@@ -37,8 +38,6 @@ from underlay.mechanics.exact.nodes import curve_terms
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
-
-__all__ = ["CurveBatch", "ExactBatch", "curves_through"]
 
 # Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
 _CHUNK = 16384
@@ -287,8 +286,9 @@ def curves_through(
     stretch = Stretch(stretch.over(last).length * reach(count), np.full_like(last, stretch.rate))
     # A contact that folds (its depth falls while it grows) is no function of depth: its polynomial is none.
     single = np.all(varpi[:, 1:] > varpi[:, :-1], axis=1)
-    angles = np.arccos(np.where(single[:, None], stretch.z(varpi), np.cos(chebyshev_angles(count))))
-    basis = np.cos(angles[..., None] * np.arange(count))
+    basis = chebyshev_values(
+        np.where(single[:, None], stretch.z(varpi), np.cos(chebyshev_angles(count))), count
+    )
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
     factors = len(Factor)
     errors = growth_beyond(share / stretch.length[:, 0], count) * truncation_error(

@@ -21,8 +21,10 @@ from underlay.mechanics.body import Real
 from underlay.mechanics.contact import Variant
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
+    Branch,
     Factor,
     MasterCurve,
+    RadiusSeries,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
@@ -38,24 +40,8 @@ from underlay.mechanics.exact.nodes import (
     series_terms,
 )
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
-from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales, values_of
-
-__all__ = [
-    "LARGEST_EPS",
-    "SHARE_OF_CURVE",
-    "SHARE_OF_NODES",
-    "SOFT",
-    "UNEVEN",
-    "ContactProblem",
-    "RadiusGuess",
-    "SolvedCurve",
-    "contact_factors",
-    "solve_curve",
-    "too_wide",
-    "weights_over_depth",
-]
 
 #: Largest contact radius over thickness that is solved for.
 LARGEST_EPS = 20.0
@@ -582,11 +568,19 @@ def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
     last = float(problem.solve(np.array([end]), problem.resolution(problem.widest(end), rtol))[0][0])
     if last >= top:
         return
+    raise out_of_reach(problem, top, last)
+
+
+def out_of_reach(problem: ContactProblem, top: float, last: float) -> RangeError:
+    """RangeError for varpi = `top` where the shape or a/h = 20 ends the contact at varpi = `last`.
+
+    varpi is the half-space contact radius at the depth over the thickness.
+    """
     asked, deepest = problem.measure.abel(np.array([top, last]) * problem.thickness).tolist()
     if problem.indenter.max_radius >= LARGEST_EPS * problem.thickness:
-        raise too_wide(asked, deepest)
+        return too_wide(asked, deepest)
     why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
-    raise RangeError(_beyond(asked, deepest, why), max_depth=deepest)
+    return RangeError(_beyond(asked, deepest, why), max_depth=deepest)
 
 
 def too_wide(asked: float, deepest: float) -> RangeError:

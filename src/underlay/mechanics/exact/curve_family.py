@@ -43,24 +43,6 @@ from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Family, LayerKernel
 
-__all__ = [
-    "STIFF_END",
-    "Cell",
-    "CurveFamily",
-    "IsotropicPair",
-    "RatioSpan",
-    "RigidBase",
-    "curve_family",
-    "end_numbers",
-    "first_ratios",
-    "range_end",
-    "range_number",
-    "range_numbers",
-    "ratio_number",
-    "ratio_numbers",
-    "ratio_span",
-]
-
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31

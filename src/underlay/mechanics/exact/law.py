@@ -25,8 +25,6 @@ from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolu
 from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExactLaw(ContactLaw):
@@ -239,15 +237,20 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     )
 
 
-def exact_punch_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ExactPunchLaw:
-    """Solve the contact problem of a flat punch; parameters and errors as for `exact_law`."""
-    radius = contact.indenter.max_radius
-    eps = radius / contact.thickness
+def punch_width(contact: Contact) -> float:
+    """a/h of a flat punch; RangeError where it is more than 20."""
+    eps = contact.indenter.max_radius / contact.thickness
     if eps > LARGEST_EPS:
         raise RangeError(
             f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
             "here: use a smaller punch or, for contacts wider still, the half-space law of the substrate"
         )
+    return eps
+
+
+def exact_punch_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ExactPunchLaw:
+    """Solve the contact problem of a flat punch; parameters and errors as for `exact_law`."""
+    radius, eps = contact.indenter.max_radius, punch_width(contact)
     resolution = proved_resolution(contact.kernel, eps, rtol)
     punch = PunchSolution.solve(contact.kernel, np.array([eps]), resolution)
     return ExactPunchLaw(

@@ -23,20 +23,6 @@ from underlay.errors import RangeError
 from underlay.mechanics.exact.master_curve import Stretch
 from underlay.mechanics.kernel import Scales
 
-__all__ = [
-    "MOST_NODES",
-    "PER_OCTAVE",
-    "TABLES",
-    "EvenRule",
-    "Resolution",
-    "TableStore",
-    "curve_terms",
-    "even_legendre",
-    "even_rule",
-    "legendre_rule",
-    "series_terms",
-]
-
 Table = TypeVar("Table")
 # The starting points are off by 4 % of a node's distance from the end of the interval at most: there the terms of
 # P_n fall as 0.06^k / k!^2, and ten of them, and four steps on their sum, reach rounding for every even count.
@@ -70,6 +56,10 @@ class TableStore:
 
     def __len__(self) -> int:
         return len(self._kept)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[int]]:
+        # A copy in another process begins empty.
+        return type(self), (self._most,)
 
     def get(self, key: Hashable, build: Callable[[], Table]) -> Table:
         """Table stored under `key`, made by `build` if there is none; the key must hold all it depends on."""

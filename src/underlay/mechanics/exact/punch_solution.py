@@ -37,8 +37,6 @@ from underlay.errors import RangeError
 from underlay.mechanics.exact.nodes import EvenRule, Resolution, even_rule
 from underlay.mechanics.kernel import Kernel
 
-__all__ = ["PunchGrid", "PunchSolution", "proved_resolution"]
-
 # What a doubling may still change, of the relative error asked for; radii, over the largest, at which it is
 # watched; and no more doublings than this: 64 times the nodes.
 _SHARE_OF_DOUBLING = 0.3

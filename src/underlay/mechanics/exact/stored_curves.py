@@ -24,7 +24,6 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import LawError
-from underlay.mechanics.body import PlaneConstants, isotropic_constants
 from underlay.mechanics.exact.contact_problem import SHARE_OF_NODES, ContactProblem, SolvedCurve, solve_curve
 from underlay.mechanics.exact.master_curve import (
     MOST_IN_POWERS,
@@ -33,23 +32,13 @@ from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    chebyshev_values,
     in_powers,
     shortened,
 )
 from underlay.mechanics.exact.nodes import PER_OCTAVE, TABLES, Resolution
 from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
-from underlay.mechanics.kernel.substrate import is_isotropic
-
-__all__ = [
-    "EXPONENT",
-    "FILE",
-    "STORED_ERROR",
-    "TOP",
-    "StoredCurves",
-    "grid",
-    "known_curve",
-    "stored_curve",
-]
+from underlay.mechanics.kernel.bodies import is_isotropic
 
 FILE = Path(__file__).with_name("stored_curves.npy")
 #: Relative error of the three factors, largest of 150 random bodies, and a fifth of it more: half of it is the
@@ -57,12 +46,12 @@ FILE = Path(__file__).with_name("stored_curves.npy")
 STORED_ERROR, _SOFT, _SOFT_ERROR = 2e-7, 0.02, 8e-7
 #: The tip's exponent, and the largest varpi.
 EXPONENT, TOP = 2.0, 10.48
-# Of the stretched varpi; of the share; ln r; terms in ln r, share and varpi.
-_SOFTNESS, _CROWDING = 2.0, 100.0
-_LOG_RATIOS = (log(0.004), log(470.0))
-_TERMS = (33, 23, 50)
-_MADE_FOR = (EXPONENT, TOP, _SOFTNESS, _CROWDING, *_LOG_RATIOS, *_TERMS)
-_STRETCH = Stretch.to(TOP, _SOFTNESS)
+#: Of the stretched varpi; of the share; ends of ln r; terms in ln r, share and varpi.
+_SOFTNESS, CROWDING = 2.0, 100.0
+LOG_RATIOS = (log(0.004), log(470.0))
+TERMS = (33, 23, 50)
+MADE_FOR = (EXPONENT, TOP, _SOFTNESS, CROWDING, *LOG_RATIOS, *TERMS)
+STRETCH = Stretch.to(TOP, _SOFTNESS)
 # Rounding of constants, and of the ends.
 _ROUNDING = 1e-9
 
@@ -100,9 +89,10 @@ class _Shortened(NamedTuple):
         varpi is the half-space contact radius at the depth over the thickness.
         """
         stretch, terms = self.stretch.over(top), self.series.shape[3]
-        there = _polynomials(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
+        there = chebyshev_values(self.stretch.z(stretch.v(np.cos(chebyshev_angles(terms)))), terms)
+        to_terms = chebyshev_coefficients(np.eye(terms), chebyshev_angles(terms))
         # One product of matrices: as products of stacks it takes ten times as long.
-        turned = self.series.reshape(-1, terms) @ (_expansion(terms) @ there).T
+        turned = self.series.reshape(-1, terms) @ (to_terms @ there).T
         return _Shortened.of(stretch, turned.reshape(self.series.shape), allowed, self.left_out)
 
 
@@ -129,20 +119,6 @@ class StoredCurves(NamedTuple):
     nodes: FloatArray
 
     @classmethod
-    def through(cls, values: FloatArray, nodes: FloatArray) -> Self:
-        """Expand logarithms of the three factors, (ratios + 1, shares, terms, 3), known at the points of `grid`.
-
-        The three factors are contact radius, force and stiffness over the half-space's. Bodies have two
-        parameters: r, the ratio of the elastic constants of base and layer, and a share that combines r
-        with Poisson's ratios (module's head).
-        """
-        count, shares, terms, _ = values.shape
-        on_base = np.tensordot(_expansion(count - 1), values[:-1], 1)
-        both = np.concatenate((on_base, values[-1:]))
-        series = np.einsum("su,tv,ruvf->rstf", _expansion(shares), _expansion(terms), both)
-        return cls(np.array(_MADE_FOR), np.asarray(series), nodes)
-
-    @classmethod
     def read(cls) -> Self:
         """Read the file of the package.
 
@@ -152,21 +128,12 @@ class StoredCurves(NamedTuple):
             If it was made with other constants than this version's.
         """
         kept = np.load(FILE, allow_pickle=False)
-        if kept.dtype.names != cls._fields or tuple(kept["made_for"].tolist()) != _MADE_FOR:
+        if kept.dtype.names != cls._fields or tuple(kept["made_for"].tolist()) != MADE_FOR:
             raise LawError(
                 f"{FILE} does not hold the curves that this version reads: install underlay again or, in its tree, "
                 "run python tests/studies/stored_curves.py"
             )
         return cls(*(read_only(kept[name].astype(np.float64)) for name in cls._fields))
-
-    def write(self) -> None:
-        """Write the file, in single precision, which is finer than the truncation of the series."""
-        kept = self._replace(series=self.series.astype(np.float32))
-        named = list(zip(self._fields, kept, strict=True))
-        record = np.zeros((), dtype=[(name, part.dtype, part.shape) for name, part in named])
-        for name, part in named:
-            record[name] = part
-        np.save(FILE, record, allow_pickle=False)
 
     @property
     def resolution(self) -> Resolution:
@@ -223,7 +190,7 @@ def stored_curve(
 
     def shortened_series() -> _Shortened:
         key = ("stored curves", digits)
-        every = TABLES.get(key, lambda: _Shortened.of(_STRETCH, np.moveaxis(stored.series, 3, 2), allowed))
+        every = TABLES.get(key, lambda: _Shortened.of(STRETCH, np.moveaxis(stored.series, 3, 2), allowed))
         return every.up_to(TOP * 0.5 ** (number / PER_OCTAVE), allowed)
 
     stretch, series, missing = TABLES.get(("stored curves", digits, number), shortened_series)
@@ -258,36 +225,6 @@ def _at(series: FloatArray, first: float, second: float) -> FloatArray:
     return np.asarray(own.reshape(shape).T)
 
 
-def grid() -> tuple[list[list[LayerKernel]], FloatArray]:
-    """Bodies (ratios + 1, shares) and values of varpi (terms,) for which the file is solved.
-
-    varpi is the half-space contact radius at the depth over the thickness.
-
-    Bodies have two parameters: r, the ratio of the elastic constants of base and layer, and a share
-    that combines r with Poisson's ratios (module's head).
-    """
-    log_ratios, spread, z = (np.cos(chebyshev_angles(count)) for count in _TERMS)
-    low, high = _LOG_RATIOS
-    ratios = np.exp(0.5 * (low + high) + 0.5 * (high - low) * log_ratios).tolist()
-    shares = (np.expm1(0.5 * (spread + 1.0) * log1p(_CROWDING)) / _CROWDING).tolist()
-    bodies = [[_body(ratio, share) for share in shares] for ratio in (*ratios, inf)]
-    return bodies, _STRETCH.v(z)
-
-
-def _body(ratio: float, share: float) -> LayerKernel:
-    """A body with the given r = theta_base/theta_layer (infinite: rigid base) and `share`; many have both.
-
-    Here gamma is half the share in the layer, and half of 1 - share in the base.
-    """
-    halves = (0.5 * share, 0.5 * (1.0 - share))
-    layer, base = (isotropic_constants(1.0, (1.0 - 2.0 * part) / (2.0 - 2.0 * part)) for part in halves)
-    if np.isinf(ratio):
-        return LayerKernel(layer, None)
-    # Isotropic constants of another modulus: compliances and stiffness scale.
-    stiffer = float(ratio * layer.theta / base.theta)
-    return LayerKernel(layer, PlaneConstants(base.q, base.c / stiffer, base.g * stiffer, base.S / stiffer))
-
-
 def _place(body: Kernel) -> tuple[float, float] | None:
     """Coordinates in [-1, 1] of a body in ln r and in the spread share; the first is infinite on a rigid base.
 
@@ -313,7 +250,7 @@ def _place(body: Kernel) -> tuple[float, float] | None:
 
 def _first(ratio: float) -> float:
     """Coordinate of a ratio r = theta_base/theta_layer, linear in ln r: in [-1, 1] within the stored range."""
-    low, high = _LOG_RATIOS
+    low, high = LOG_RATIOS
     return 2.0 * (log(ratio) - low) / (high - low) - 1.0
 
 
@@ -325,15 +262,4 @@ def _spread(share: float) -> float:
     """
     if not -_ROUNDING <= share <= 1.0 + _ROUNDING:
         return inf
-    return 2.0 * log1p(_CROWDING * min(max(share, 0.0), 1.0)) / log1p(_CROWDING) - 1.0
-
-
-def _polynomials(place: FloatArray, count: int) -> FloatArray:
-    """Values (n, count) of the first Chebyshev polynomials at points (n,) in [-1, 1]."""
-    angle = np.arccos(np.minimum(place, 1.0))
-    return np.asarray(np.cos(np.multiply.outer(angle, np.arange(count))))
-
-
-def _expansion(count: int) -> FloatArray:
-    """Matrix (count, count) from values at the Chebyshev points to Chebyshev coefficients."""
-    return chebyshev_coefficients(np.eye(count), chebyshev_angles(count))
+    return 2.0 * log1p(CROWDING * min(max(share, 0.0), 1.0)) / log1p(CROWDING) - 1.0

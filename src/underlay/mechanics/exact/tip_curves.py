@@ -47,6 +47,7 @@ from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    chebyshev_values,
     monomials,
     polynomial,
     reach,
@@ -65,8 +66,6 @@ from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, pr
 from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.indenters import Indenter, PowerLaw
 from underlay.mechanics.kernel import Family, Kernel, Scales
-
-__all__ = ["PunchCell", "PunchFamily", "TipContacts", "TipCurves", "punch_family", "tip_curves"]
 
 # Of the share of an error that a solution's nodes may take: what either interpolation leaves out. What the nodes
 # themselves leave out is rough in eps, and beyond a/h = 5 a series does not end above it: at 0.4 of the tolerance
@@ -164,9 +163,7 @@ class PunchFamily:
             table = flat.reshape(*place.shape, radii, columns)
         else:
             table = self.coefficients[0]
-        # The last radius may pass the end by rounding.
-        angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
-        values = np.cos(angle[..., None] * np.arange(radii)) @ table
+        values = chebyshev_values(self.stretch.z(eps), radii) @ table
         kappa, edge = np.exp(values[..., 0]), np.exp(values[..., 1])
         count = self.rule.nodes.size
         g, rho = values[..., 2 : 2 + count], values[..., 2 + count :]

@@ -1,12 +1,11 @@
 """The kernel 1 - L(u): how what lies under the surface changes the surface compliance with the wavenumber.
 
-`kernel` says what every kernel answers, its scales and quadrature; `substrate` is one layer on a base, `stack` are
-several; `recursion` is the formula of both.
+`kernel` says what every kernel answers, its scales and quadrature; `bodies` are one layer on a base, and several;
+`recursion` is the formula of both.
 """
 
+from underlay.mechanics.kernel.bodies import LayerKernel, StackKernel, SubstrateKernel, values_of
 from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel, Scales, u_rule
-from underlay.mechanics.kernel.stack import StackKernel, values_of
-from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel
 
 __all__ = [
     "Compliance",

@@ -26,8 +26,6 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import Base, Layer, PlaneConstants, Real
 
-__all__ = ["MOST_NODES", "SOFTEST", "Compliance", "Family", "Kernel", "Layers", "Scales", "u_rule"]
-
 # The node counts were fitted to roots that decay without turning, and hold where they turn up to this share of the
 # rate at which they decay: beyond, the poles of L stand too near to the real axis (measured on 6000 materials).
 _MOST_TURN = 0.5

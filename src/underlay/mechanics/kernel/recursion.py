@@ -60,8 +60,6 @@ from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.body import PlaneConstants, Real
 from underlay.mechanics.kernel.kernel import Compliance
 
-__all__ = ["WAVES", "Recursion", "Sheet", "Waves", "products", "scaled"]
-
 #: Functions of v.
 WAVES = 5
 Formula = Callable[[FloatArray, "_Roots", FloatArray], None]

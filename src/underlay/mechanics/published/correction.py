@@ -9,9 +9,10 @@ of how far the formula is from the exact contact problem.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
+from operator import attrgetter
 from typing import Self
 
 import numpy as np
@@ -23,43 +24,13 @@ from underlay.mechanics.body import Material
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 
-__all__ = [
-    "BASE_NU",
-    "DEPTH_OVER_RADIUS",
-    "DEPTH_RATIO",
-    "ELASTIC",
-    "FRICTIONLESS",
-    "KINDS",
-    "LAYER_NU",
-    "MATERIALS",
-    "MEASURED_RANGE",
-    "MODULUS_RATIO",
-    "RADIUS_RATIO",
-    "RIGID_BONDED",
-    "VARIABLES",
-    "ConstantFactor",
-    "Factor",
-    "LayerContact",
-    "Limit",
-    "MeasuredError",
-    "OutOfRange",
-    "PolynomialFactor",
-    "PublishedCorrection",
-    "Quantity",
-    "kind_of",
-    "tip_of",
-]
-
 #: The three kinds of indenter the literature corrects for, and the library's indenters of each kind.
 KINDS = {
     "sphere": (Paraboloid, Sphere),
     "cone": (Cone,),
     "flat punch": (FlatPunch,),
 }
-RIGID_BONDED = "rigid, layer bonded"
-FRICTIONLESS = "rigid, layer free to slip"
 ELASTIC = "elastic, layer bonded"
-MEASURED_RANGE = "measured: within 5 % of the exact contact law there"
 
 
 def kind_of(indenter: Indenter) -> str | None:
@@ -139,6 +110,14 @@ class LayerContact:
         """The contact size `variable` at one depth (m), as a float."""
         return float(self.variable(np.array([depth]))[0])
 
+    def depth_ratio(self, depth: float) -> float:
+        """Depth (m) over thickness, d/h."""
+        return depth / self.thickness
+
+    def depth_over_radius(self, depth: float) -> float:
+        """Depth (m) over the radius of a sphere or punch; TypeError for a cone."""
+        return depth / (self.radius_ratio * self.thickness)
+
     @property
     def radius_ratio(self) -> float:
         """R/h of a sphere or a/h of a punch; TypeError for a cone."""
@@ -173,70 +152,41 @@ class Quantity:
     ----------
     name : str
         Its name in messages, such as ``"R/h"``.
-    of : callable
-        Its value from a `LayerContact` and the largest depth (m).
+    attribute : str
+        Where a `LayerContact` has it, such as ``"layer.nu"``; or its method that gives it at a depth.
     """
 
     name: str
-    of: Callable[[LayerContact, float], float] = field(repr=False)
+    attribute: str
 
-
-def _contact_size(contact: LayerContact, depth: float) -> float:
-    return contact.size_at(depth)
-
-
-def _layer_nu(contact: LayerContact, _depth: float) -> float:
-    return contact.layer.nu
-
-
-def _base_nu(contact: LayerContact, _depth: float) -> float:
-    return contact.elastic_base.nu
-
-
-def _modulus_ratio(contact: LayerContact, _depth: float) -> float:
-    return contact.modulus_ratio
-
-
-def _radius_ratio(contact: LayerContact, _depth: float) -> float:
-    return contact.radius_ratio
-
-
-def _depth_ratio(contact: LayerContact, depth: float) -> float:
-    return depth / contact.thickness
-
-
-def _depth_over_radius(contact: LayerContact, depth: float) -> float:
-    return depth / (contact.radius_ratio * contact.thickness)
+    def of(self, contact: LayerContact, max_depth: float) -> float:
+        """Value in a test up to `max_depth` (m)."""
+        value = attrgetter(self.attribute)(contact)
+        return float(value(max_depth) if callable(value) else value)
 
 
 #: The contact size that a factor depends on, by kind of indenter.
 VARIABLES = {
-    "sphere": Quantity("X = sqrt(R d)/h", _contact_size),
-    "cone": Quantity("y = d tan(half-angle)/h", _contact_size),
-    "flat punch": Quantity("eps = a/h", _contact_size),
+    "sphere": Quantity("X = sqrt(R d)/h", "size_at"),
+    "cone": Quantity("y = d tan(half-angle)/h", "size_at"),
+    "flat punch": Quantity("eps = a/h", "size_at"),
 }
 
 
-LAYER_NU = Quantity("nu of the layer", _layer_nu)
-
-
-BASE_NU = Quantity("nu of the base", _base_nu)
-
-
-MODULUS_RATIO = Quantity("E of the base over E of the layer", _modulus_ratio)
-
-
-RADIUS_RATIO = Quantity("R/h", _radius_ratio)
-
-
-DEPTH_RATIO = Quantity("d/h", _depth_ratio)
-
-
-DEPTH_OVER_RADIUS = Quantity("d/R", _depth_over_radius)
-
-
-#: What the error of a correction for an elastic base is measured at.
-MATERIALS = (MODULUS_RATIO, LAYER_NU, BASE_NU)
+LAYER_NU = Quantity("nu of the layer", "layer.nu")
+DEPTH_OVER_RADIUS = Quantity("d/R", "depth_over_radius")
+#: What the ranges and the measured errors of the corrections are stated in, by name.
+QUANTITIES: Mapping[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        LAYER_NU,
+        Quantity("nu of the base", "elastic_base.nu"),
+        Quantity("E of the base over E of the layer", "modulus_ratio"),
+        Quantity("R/h", "radius_ratio"),
+        Quantity("d/h", "depth_ratio"),
+        DEPTH_OVER_RADIUS,
+    )
+}
 
 
 @dataclass(frozen=True)
@@ -327,7 +277,7 @@ class ConstantFactor(Factor):
 class MeasuredError:
     """Largest relative error of a correction's force up to a contact size, for given materials.
 
-    Each table is next to its formula. Its entries are the largest |P/P_exact - 1|, in per cent, between
+    Its entries are the largest |P/P_exact - 1|, in per cent, between
     zero and the contact size at the head of the column, rounded up to two digits. They were
     measured with a Nystrom solution of the Fredholm equation of the contact; the tests measure them again.
 

@@ -7,83 +7,78 @@ The list of corrections is here; `fitting_correction` picks the one with a given
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import ClassVar
+from functools import cache
+from importlib.resources import files
+from typing import Any, ClassVar
 
 import numpy as np
 
 from underlay._arrays import FloatArray, positive
+from underlay._door import parse_toml
 from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.published import (
-    clifford2009,
-    dimitriadis2002,
-    doss2019,
-    gao1992,
-    garcia2018,
-    gavara2012,
-    hay2011,
-    hayes1972,
-    hermanowicz2021,
-    long2011,
-    managuli2018,
-)
 from underlay.mechanics.published.correction import (
     DEPTH_OVER_RADIUS,
     ELASTIC,
     KINDS,
+    QUANTITIES,
     Factor,
     LayerContact,
     Limit,
+    MeasuredError,
     OutOfRange,
     PublishedCorrection,
     kind_of,
     tip_of,
 )
+from underlay.mechanics.published.formulas import formula_of
 
-__all__ = ["PublishedLaw", "fitting_correction", "published_corrections", "published_law", "published_names"]
-
-_CORRECTIONS = (
-    dimitriadis2002.BONDED,
-    dimitriadis2002.UNBONDED,
-    garcia2018.SPHERE,
-    garcia2018.CONE,
-    garcia2018.PUNCH,
-    gavara2012.CONE,
-    managuli2018.CONE,
-    long2011.SPHERE,
-    hermanowicz2021.SPHERE,
-    hayes1972.PUNCH,
-    clifford2009.SPHERE,
-    doss2019.SPHERE,
-    gao1992.PUNCH,
-    hay2011.PUNCH,
-)
-_NAMES = tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
 # Where a formula is watched for a force that stops growing. The factors are smooth in the contact size.
 _WATCHED_DEPTHS = 200
 # The paraboloid that stands for a true sphere has a contact as wide as the sphere at d = R, and wider below.
 _WITHIN_RADIUS = Limit(DEPTH_OVER_RADIUS, 0.0, 1.0)
 
 
+@cache
 def published_corrections() -> tuple[PublishedCorrection, ...]:
     """Every published correction the library knows, with its source, range and assumptions.
+
+    They are read from ``corrections.toml`` when first asked for.
 
     Examples
     --------
     >>> [c.indenter for c in published_corrections() if c.name == "garcia2018"]
     ['sphere', 'cone', 'flat punch']
     """
-    return _CORRECTIONS
+    text = files(__package__).joinpath("corrections.toml").read_text(encoding="utf-8")
+    return tuple(_recorded(entry) for entry in parse_toml(text)["correction"])
 
 
 def published_names() -> tuple[str, ...]:
     """Names of the published corrections, without repetition."""
-    return _NAMES
+    return tuple(dict.fromkeys(correction.name for correction in published_corrections()))
+
+
+def _recorded(entry: Mapping[str, Any]) -> PublishedCorrection:
+    """Correction of one entry, whose keys are the fields of the record."""
+    limits = entry.get("further_limits", {})
+    measured = tuple(QUANTITIES[name] for name in entry["measured_over"])
+    return PublishedCorrection(
+        **{name: entry[name] for name in ("name", "indenter", "substrate", "equation", "source", "doi")},
+        valid_range=tuple(entry["valid_range"]),
+        range_basis=entry["range_basis"],
+        nu_range=tuple(entry["nu_range"]),
+        assumptions=tuple(entry["assumptions"]),
+        further_limits=tuple(Limit(QUANTITIES[name], *ends) for name, ends in limits.items()),
+        factor=formula_of(entry),
+        measured_error=MeasuredError.from_table(measured, entry["measured_error"]),
+    )
 
 
 def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> PublishedCorrection:
@@ -94,7 +89,7 @@ def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> P
     InputError
         If there is no such name, or it holds for other indenters.
     """
-    known = (name,) if isinstance(name, PublishedCorrection) else _CORRECTIONS
+    known = (name,) if isinstance(name, PublishedCorrection) else published_corrections()
     name = name.name if isinstance(name, PublishedCorrection) else name
     named = {c.indenter: c for c in known if c.name == name}
     if not named:

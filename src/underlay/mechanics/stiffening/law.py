@@ -14,21 +14,21 @@ import numpy as np
 from underlay._arrays import FloatArray, PerSet, finite
 from underlay.errors import InputError
 from underlay.mechanics.body import Body, Layer, Stiffening
-from underlay.mechanics.contact_law import ContactLaw, OnLaw
+from underlay.mechanics.contact_law import ContactLaw, LawOnLaw, OnLaw
 from underlay.mechanics.stiffening.factors import (
+    FIRST_TOUCH,
+    GradualDepth,
     LogFactor,
     Medium,
     Place,
     form,
     gent,
+    gradual_depth,
     known_errors,
     neo_hookean,
 )
-from underlay.mechanics.stiffening.gradual import FIRST_TOUCH, GradualDepth, gradual_depth
 from underlay.mechanics.stiffening.limits import FORM_KNOWN_TO, largest_by_depth, require_known, require_reach
 from underlay.quantities import quantity
-
-__all__ = ["MARGIN", "FormUnknown", "Gent", "StiffLayer", "StiffeningLaw", "at_values"]
 
 # Step in ln w of d ln a/d ln w of the linear law, by central differences of fourth order: 1e-12 of it on laws
 # of the exact problem and on half-spaces, for steps of 3e-4 to 3e-3.
@@ -196,32 +196,30 @@ class StiffLayer(OnLaw):
         if max_depth > 0.0:
             require_reach(place_at, max_depth, self.medium, limit)
         doubt = () if deepest <= FORM_KNOWN_TO * thickness else (FormUnknown(deepest / thickness),)
-        return StiffeningLaw(
-            method=linear.method,
+        return StiffeningLaw.over(
+            linear,
             reason=f"stiffening, 1/Jm = {limit:.4g}, on: {linear.reason}",
             max_depth=max_depth,
-            error_estimate=linear.error_estimate,
             warnings=(*linear.warnings, *doubt),
-            linear=linear,
+            inner=linear,
             layer=self,
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class StiffeningLaw(ContactLaw):
+class StiffeningLaw(LawOnLaw):
     """Contact law of a sphere on a stiffening layer: P(w) = P_linear(u) N G F (module `factors`).
 
     w is the depth, u the equivalent depth where contact is gradual (else w).
 
     Parameters
     ----------
-    linear : ContactLaw
+    inner : ContactLaw
         Linear elastic law of the sphere on the layer; it reaches a little deeper than `max_depth`.
     layer : StiffLayer
         The factors N (neo-Hookean), G (stiffening) and F (form of the energy).
     """
 
-    linear: ContactLaw
     layer: StiffLayer
     _last: dict[bytes, Pressed] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -231,14 +229,9 @@ class StiffeningLaw(ContactLaw):
         return FIRST_TOUCH * float(self.layer.spread), self.max_depth
 
     @property
-    def nodes(self) -> int | None:
-        """Number of radial nodes of the linear law; None where it was not solved on nodes."""
-        return self.linear.nodes
-
-    @property
     def linear_law(self) -> ContactLaw:
-        """The linear elastic law on which the factors are put."""
-        return self.linear
+        """The linear elastic law without stiffening."""
+        return self.inner.linear_law
 
     def stiffening(self, depth: FloatArray) -> FloatArray:
         """Stiffening factor G, (n,), at depths (m) in contact: force over that of a neo-Hookean layer."""
@@ -265,7 +258,7 @@ class StiffeningLaw(ContactLaw):
         key = depth.tobytes()
         if key not in self._last:
             self._last.clear()
-            self._last[key] = self.layer.pressed(self.linear, depth)
+            self._last[key] = self.layer.pressed(self.inner, depth)
         return self._last[key]
 
     @property
@@ -273,7 +266,7 @@ class StiffeningLaw(ContactLaw):
         return "the law was asked for up to there; ask for less depth, or build it for more"
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.layer.force(self.linear, depth)
+        return self.layer.force(self.inner, depth)
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
         return self._pressed(depth).stiffness
@@ -291,7 +284,7 @@ class StiffeningLaw(ContactLaw):
         )
 
     def _place(self, depth: FloatArray) -> Place:
-        return self.layer.place(depth, self.linear.contact_radius(depth))
+        return self.layer.place(depth, self.inner.contact_radius(depth))
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,6 @@ from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, 
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.stiffening.factors import Medium, Place, crowding, gent
 
-__all__ = ["FORM_KNOWN_TO", "Reach", "largest_by_depth", "require_known", "require_reach", "within_reach"]
-
 _LEAST_NU, _LEAST_THICKNESS = 0.3, 0.5
 # The finite elements of incompressible layers are of nu = 0.4995; sliding ones were made for nothing else.
 _INCOMPRESSIBLE = 0.4995

@@ -19,12 +19,13 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess
-from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess, out_of_reach
+from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw, punch_width
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     MasterCurve,
+    RadiusSeries,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
@@ -32,10 +33,7 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import proved_resolution
-from underlay.mechanics.exact.radius_series import RadiusSeries
 from underlay.mechanics.stuck.stuck_punch import Growth, StuckPunch, chebyshev_radii
-
-__all__ = ["stuck_law"]
 
 # A stuck contact at equal depth is 0.955 to 1.021 times as wide as a frictionless one.
 _WIDER = 1.03
@@ -175,13 +173,7 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
 
 
 def _punch_law(contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
-    radius = contact.indenter.max_radius
-    eps = radius / contact.thickness
-    if eps > LARGEST_EPS:
-        raise RangeError(
-            f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
-            "here: use a smaller punch"
-        )
+    radius, eps = contact.indenter.max_radius, punch_width(contact)
     resolution = proved_resolution(contact.kernel, eps, rtol)
     counts = _Counts.choose(eps, rtol, 0.0)
     while True:
@@ -228,7 +220,7 @@ def _reaching(problem: ContactProblem, top: float, rtol: float) -> tuple[_Solved
         reached, depth = _reached(problem, solved, top)
         if depth < top:
             if last >= end:
-                raise _too_deep(problem, top, depth)
+                raise out_of_reach(problem, top, depth)
             last = min(last * min(1.02 * top / depth, 2.0), end)
         elif reached < last / _OVERSHOOT or allowed > rtol:
             last, allowed = min(1.02 * reached, end), rtol
@@ -332,18 +324,6 @@ def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[floa
 def _depth(problem: ContactProblem, varpi: float) -> float:
     """Depth (m) at which the half-space contact radius over the thickness is `varpi`."""
     return float(problem.measure.abel(np.array([varpi * problem.thickness]))[0])
-
-
-def _too_deep(problem: ContactProblem, top: float, reached: float) -> RangeError:
-    deepest = _depth(problem, reached)
-    if problem.indenter.max_radius < LARGEST_EPS * problem.thickness:
-        why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
-    else:
-        why = f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth"
-    return RangeError(
-        f"depth {_depth(problem, top):.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
-        max_depth=deepest,
-    )
 
 
 def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) -> tuple[MasterCurve, float]:

@@ -18,21 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
+from underlay.mechanics.exact.master_curve import (
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    chebyshev_values,
+)
 from underlay.mechanics.exact.nodes import Resolution, even_legendre, even_rule
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel
-
-__all__ = [
-    "GROWTH_RULES",
-    "Basis",
-    "EndRule",
-    "Growth",
-    "StuckPunch",
-    "Transform",
-    "chebyshev_radii",
-    "end_rule",
-]
 
 ComplexArray = NDArray[np.complex128]
 # V_n falls as exp(-n alpha), y = cosh(alpha), and P_n grows so: where n alpha is more than this for the last n it
@@ -428,8 +422,7 @@ class Growth:
 
         theta is the layer's elastic constant.
         """
-        angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
-        return np.cos(np.multiply.outer(angle, np.arange(len(self.coefficients)))) @ self.coefficients
+        return chebyshev_values(self.stretch.z(eps), len(self.coefficients)) @ self.coefficients
 
 
 def _chebyshev(z: FloatArray, count: int) -> FloatArray:

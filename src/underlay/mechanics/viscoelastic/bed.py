@@ -19,8 +19,6 @@ from underlay.mechanics.response import Elastic, Invertible
 from underlay.mechanics.viscoelastic.equal_radius import EqualRadius, equal_radius
 from underlay.mechanics.viscoelastic.memory import Memory, even
 
-__all__ = ["Bed", "Creep", "crept", "depth_under"]
-
 # Two cycles of a paraboloid, relative to the largest force against four times as many of both: see the tests.
 _SPRINGS = 400
 _STEPS = 1600
@@ -56,10 +54,7 @@ class Bed:
     @classmethod
     def of(cls, depth: FloatArray, modes: Modes, time: FloatArray) -> Self:
         """Compute the springs' forces for depths (m), (n,), negative before contact, at `time` (s), (n,)."""
-        pieces = max(int(np.ceil(_STEPS / (len(depth) - 1))), 1)
-        fine = np.arange((len(depth) - 1) * pieces + 1) / pieces
-        clock = np.interp(fine, np.arange(len(depth)), time)
-        path = np.interp(fine, np.arange(len(depth)), depth)
+        pieces, clock, path = _refined(time, depth)
         springs = np.linspace(0.0, float(path.max()), _SPRINGS + 1)
         forces = _stepped(path, modes, clock, springs)[::pieces]
         return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
@@ -67,6 +62,14 @@ class Bed:
     def __call__(self, elastic: Elastic) -> FloatArray:
         """Force (N), (n,), for an elastic force (N) as a function of depth (m)."""
         return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
+
+
+def _refined(time: FloatArray, values: FloatArray) -> tuple[int, FloatArray, FloatArray]:
+    """Pieces into which every step of a record is cut, and its times and values with them."""
+    pieces = max(int(np.ceil(_STEPS / (len(time) - 1))), 1)
+    fine = np.arange((len(time) - 1) * pieces + 1) / pieces
+    clock, refined = (np.interp(fine, np.arange(len(time)), of) for of in (time, values))
+    return pieces, clock, refined
 
 
 def depth_under(
@@ -78,9 +81,7 @@ def depth_under(
     of the slope of P_el at the springs, P(w) = sum_j c_j Q_j(w), where a spring in contact adds a straight line and
     one out of contact nothing: convex and increasing, so Newton's method ends after some steps.
     """
-    pieces = max(int(np.ceil(_STEPS / (len(force) - 1))), 1)
-    fine = np.arange((len(force) - 1) * pieces + 1) / pieces
-    clock, load = (np.interp(fine, np.arange(len(force)), values) for values in (time, force))
+    pieces, clock, load = _refined(time, force)
     springs = np.linspace(0.0, deepest, _SPRINGS + 1)[:-1]
     slopes = np.diff(elastic(np.append(springs, deepest))) * (len(springs) / deepest)
     stiffness = np.diff(slopes, prepend=0.0)

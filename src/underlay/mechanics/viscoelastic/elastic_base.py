@@ -27,18 +27,10 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.master_curve import lagrange
 from underlay.mechanics.relaxation import Modes, Relaxation
 from underlay.mechanics.response import Response, checked_times
 from underlay.mechanics.viscoelastic.bed import Creep
-
-__all__ = [
-    "QUASI_ELASTIC_ERROR",
-    "PunchRelaxation",
-    "QuasiElastic",
-    "ages",
-    "punch_relaxation",
-    "stated_error",
-]
 
 # A base this much stiffer than the layer is as good as rigid.
 _AS_GOOD_AS_RIGID = 1e3
@@ -207,7 +199,7 @@ class QuasiElastic(Response):
         for n, now in enumerate(clock):
             lags = np.append(now - clock[0], now - middle[:n])
             moduli = self.relaxation.modulus(lags)
-            share = _lagrange(np.log(nodes), np.log(moduli))
+            share = lagrange(np.log(moduli), np.log(nodes)).T
             steps = np.concatenate((loads[:, :1], grown[:, :n]), axis=1)
             force[n] = float((moduli * (share * steps).sum(axis=0)).sum())
         return force
@@ -215,12 +207,3 @@ class QuasiElastic(Response):
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Instantaneous elastic stiffness (N/m)."""
         return self.build(1.0).stiffness(depth, time)
-
-
-def _lagrange(nodes: FloatArray, x: FloatArray) -> FloatArray:
-    """Lagrange polynomials of the nodes (m,) evaluated at x (n,): (m, n)."""
-    rows = np.ones((len(nodes), len(x)))
-    for j, own in enumerate(nodes):
-        for other in np.delete(nodes, j):
-            rows[j] *= (x - other) / (own - other)
-    return rows

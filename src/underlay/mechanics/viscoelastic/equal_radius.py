@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.mechanics.viscoelastic.memory import Memory
 
-__all__ = ["EqualRadius", "Search", "at", "equal_radius", "share_of"]
-
 # Points of the way out that are compared with all of the way in, by a product of matrices, and how many lie between
 # two of which the step is known.
 _KNOWN, _APART = 24, 64

@@ -38,22 +38,6 @@ from underlay.mechanics.viscoelastic.equal_radius import EqualRadius, at, equal_
 from underlay.mechanics.viscoelastic.memory import LastMemory, Memory, curved, even
 from underlay.quantities import inlined, no_number, numbers_of
 
-__all__ = [
-    "RIPPLES",
-    "SUDDEN",
-    "ElasticOfSets",
-    "Loading",
-    "ModeSlopes",
-    "Unloading",
-    "Viscoelastic",
-    "ViscoelasticMotion",
-    "WayIn",
-    "forces_of_sets",
-    "led_in",
-    "resolved_times",
-    "turns",
-]
-
 
 class ModeSlopes(NamedTuple):
     """Derivatives of the force (N) in constant, weights and times of a relaxation's modes.

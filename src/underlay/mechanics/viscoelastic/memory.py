@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.mechanics.relaxation import Modes, ModesOfSets, Relaxation
 
-__all__ = ["Clock", "LastMemory", "Memory", "curved", "even"]
-
 # Below, the closed form of g2 loses digits: 3e-15 at 0.3; the series of 12 terms leaves 1e-17 there.
 _SERIES_BELOW = 0.3
 #: g2(x) = sum_{n >= 1} (-x)^n / n! [2 / (n + 2) - 1 / (n + 1)], the highest power first.

@@ -1,16 +1,23 @@
-"""The flat punch on isotropic draining layers, tabulated by a/h and nu: all else is exact scaling.
+"""Tables of isotropic draining layers that the package ships: a flat punch, and a paraboloid under a ramp and hold.
 
-Chebyshev points (`Axis`) in eps/(1 + eps), eps = a/h up to 4, and in nu up to 0.48, for each drainage, times
-1e-4 to 100 a^2/c. The ends of a response are the elastic laws', in a table of their own. Error of the
-normalised fall g, measured at 200 random points by `measured_error`: see `STATED_ERROR`. `ResponseTable` also
-serves a fit that makes a table of its own.
+The flat punch by a/h and nu: all else is exact scaling. Chebyshev points (`Axis`) in eps/(1 + eps), eps = a/h up
+to 4, and in nu up to 0.48, for each drainage, times 1e-4 to 100 a^2/c. The ends of a response are the elastic
+laws', in a table of their own.
 
-To build it again: ``python -m underlay.mechanics.biphasic.punch_table FILE`` (two minutes).
+Of a paraboloid three numbers remain besides time: a0/h (a0 the undrained contact radius at the depth held), nu, and
+the ramp's duration T = tr c/a0^2, tr in s. Tabulated is what has not drained yet,
+
+    q = (P - P_drained(w))/(P_undrained(w) - P_drained(w)),
+
+with the elastic forces of the present depth, on the ramp over t/tr, in the hold over the time since, from a share
+of T to 10 a0^2/c in even ratios: every entry is smooth in ln T. A sphere differs from its paraboloid in the elastic
+laws, which are exact, and in q: by 5e-3 at a0 = R/2, as the square of it.
+
+``tests/support/draining_tables.py`` solves for them, measures their errors and writes the files again.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -20,30 +27,11 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
-from underlay.mechanics.biphasic.elastic_ends import punch_factor
-from underlay.mechanics.biphasic.material import Skeleton
-from underlay.mechanics.biphasic.response import Response, table_times
-from underlay.mechanics.biphasic.transfer import PunchTransfer, relaxation
-from underlay.mechanics.body import PlaneConstants
-
-__all__ = [
-    "STATED_ERROR",
-    "STATED_ERROR_OF_ENDS",
-    "Axis",
-    "IsotropicTable",
-    "ResponseTable",
-    "build",
-    "measured_error",
-    "shipped",
-]
-
-#: Largest error of g anywhere in the table, and of the ends, relative.
-STATED_ERROR, STATED_ERROR_OF_ENDS = 1e-4, 1e-9
-_SPAN = (1e-4, 100.0)
-_TABULATED = ("solid", "porous")
+from underlay.mechanics.biphasic.history import Response
 
 
 @dataclass(frozen=True)
@@ -137,30 +125,26 @@ class ResponseTable:
         return np.asarray(np.logical_and.reduce(np.broadcast_arrays(*inside)))
 
 
-_AXES = (Axis(0.0, 0.8, 24), Axis(0.0, 0.48, 11))
-# Of the ends: a/h as above, A44/A33 from incompressible to nu = 0. What is left is 1e-10, at the widest contact.
-_AXES_OF_ENDS = (Axis(0.0, 0.8, 36), Axis(0.0, 0.5, 16))
-_FILE = Path(__file__).with_name("isotropic_punch.npz")
-
-
-def _solved(shape: float, nu: float, drainage: str) -> Response:
-    """Response of an isotropic layer under a flat punch, solved for; `shape` is eps/(1 + eps), eps = a/h."""
-    transfer = PunchTransfer(Skeleton.of_poisson_ratio(nu), shape / (1.0 - shape), drainage)
-    return relaxation(transfer, _SPAN)
-
-
-def _compliance(shape: float, softness: float) -> float:
-    """Dimensionless compliance 4 A44 a w/P of a flat punch on an isotropic elastic layer.
-
-    P force, w depth, a radius; `shape` is eps/(1 + eps), eps = a/h; `softness` is A44/A33, shear over aggregate
-    modulus. It is smooth in both, which the force is not, and so is what the table holds.
-    """
-    constants = PlaneConstants(1.0 - 2.0 * softness, softness, 4.0 * (1.0 - softness), 1.0)
-    return 1.0 / (punch_factor(constants, shape / (1.0 - shape)) * float(constants.theta))
+#: Largest error of the punch's normalised fall g anywhere in the table, and of its ends, relative.
+PUNCH_ERROR, ENDS_ERROR = 1e-4, 1e-9
+#: Largest error of q, on the ramp times the part of P0 reached: of P/P0 it is less.
+TIP_ERROR = 1.5e-3
+#: Axes of the punch's falls, eps/(1 + eps) and nu, and of its ends: a/h as above, A44/A33 from incompressible to
+#: nu = 0. What is left is 1e-10, at the widest contact.
+PUNCH_AXES = (Axis(0.0, 0.8, 24), Axis(0.0, 0.48, 11))
+ENDS_AXES = (Axis(0.0, 0.8, 36), Axis(0.0, 0.5, 16))
+#: Axes of the paraboloid's q: eps/(1 + eps), nu and the logarithm of the ramp's duration.
+TIP_AXES = (Axis(0.0, 2.0 / 3.0, 12), Axis(0.0, 0.48, 5), Axis(float(np.log(0.01)), float(np.log(3.0)), 7))
+#: a0/h up to which it is read: the table reaches to 2, where its polynomials miss by 3.5e-3.
+LARGEST_EPS = 1.0
+#: Its times on the ramp and in the hold; the first of the latter over T, and the last over a0^2/c.
+ON_RAMP, IN_HOLD, FIRST_LAG, LAST_LAG = 12, 40, 0.02, 10.0
+#: The files, in which each drainage is an entry.
+PUNCH_FILE, TIP_FILE = (Path(__file__).with_name(f"isotropic_{kind}.npz") for kind in ("punch", "tip"))
 
 
 @dataclass(frozen=True)
-class IsotropicTable:
+class PunchTable:
     """Table of step responses of a flat punch on isotropic layers, by a/h and Poisson's ratio, for one drainage.
 
     Parameters
@@ -211,37 +195,94 @@ class IsotropicTable:
         return Response(start[:, None], end[:, None], self.time, fall, endless)
 
 
-def build(path: Path) -> None:
-    """Solve for the tables of all drainages and write them to an .npz file at `path`."""
-    tables = {
-        drainage: ResponseTable.solved(_AXES, lambda shape, nu, by=drainage: _solved(shape, nu, by).fall)
-        for drainage in _TABULATED
-    }
-    falls = {drainage: table.fall for drainage, table in tables.items()}
-    ends = ResponseTable.solved(_AXES_OF_ENDS, _compliance).fall
-    np.savez_compressed(path, time=table_times(_SPAN), ends=ends, **falls)  # type: ignore[arg-type]  # stubs: allow_pickle
+def ramp_nodes() -> FloatArray:
+    """Times on the ramp at which the table has values, over the ramp's duration; evenly spaced in their root."""
+    return np.linspace(0.15, 1.0, ON_RAMP) ** 2
+
+
+def hold_lags(ramp: float) -> FloatArray:
+    """Times since the end of a ramp of duration `ramp` at which the table has values; both in a0^2/c."""
+    return np.geomspace(FIRST_LAG * ramp, LAST_LAG, IN_HOLD)
+
+
+@dataclass(frozen=True, eq=False)
+class RampedTip:
+    """Undrained share q of the force under one ramp and hold, interpolated in time.
+
+    q = (P - P_drained)/(P_undrained - P_drained): force P, and the elastic forces at the present depth.
+
+    Parameters
+    ----------
+    ramp : float
+        Duration of the ramp, in a0^2/c: a0 the contact radius (module), c the diffusivity.
+    kept : FloatArray
+        Values of q at the table's times, (times,).
+    """
+
+    ramp: float
+    kept: FloatArray
+
+    @cached_property
+    def _rising(self) -> CubicSpline:
+        return CubicSpline(np.sqrt(ramp_nodes()), self.kept[:ON_RAMP])
+
+    @cached_property
+    def _holding(self) -> CubicSpline:
+        """Spline of q over the logarithm of the time since the ramp's end, shifted to be finite at that end."""
+        lags = np.concatenate(([0.0], hold_lags(self.ramp)))
+        return CubicSpline(self._clock(lags), self.kept[ON_RAMP - 1 :])
+
+    def _clock(self, lag: FloatArray) -> FloatArray:
+        return np.asarray(np.log(np.sqrt(lag) + np.sqrt(FIRST_LAG * self.ramp)))
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Undrained share q of the force at times (a0^2/c) since the ramp began, at most 10 after its end."""
+        found = np.ones(time.shape)
+        rising, holding = (time > 0.0) & (time <= self.ramp), time > self.ramp
+        found[rising] = self._rising(np.sqrt(time[rising] / self.ramp))
+        found[holding] = self._holding(self._clock(time[holding] - self.ramp))
+        return found
+
+
+@dataclass(frozen=True)
+class TipTable:
+    """Table of ramps and holds of a paraboloid on isotropic layers, for one drainage.
+
+    `table` holds q by eps/(1 + eps), eps = a0/h, by Poisson's ratio and by the logarithm of the ramp's duration.
+    """
+
+    drainage: str
+    table: ResponseTable
+
+    def covers(self, eps: float, nu: float, ramp: float, end: float) -> bool:
+        """Whether the table holds a0/h (`eps`), Poisson's ratio `nu`, ramp duration and the hold's end.
+
+        `ramp` and `end` in a0^2/c: a0 the undrained contact radius at the depth held, h thickness, c diffusivity.
+        """
+        inside = eps <= LARGEST_EPS and end - ramp <= LAST_LAG and ramp > 0.0
+        return inside and bool(self.table.covers((eps / (1.0 + eps), nu, float(np.log(ramp)))))
+
+    def __call__(self, eps: float, nu: float, ramp: float) -> RampedTip:
+        """Interpolate at a0/h (`eps`, contact radius over thickness), Poisson's ratio and ramp duration (a0^2/c).
+
+        Raises
+        ------
+        InputError
+            If one of them is outside the table.
+        """
+        return RampedTip(ramp, self.table.at((eps / (1.0 + eps), nu, float(np.log(ramp)))))
 
 
 @cache
-def shipped(drainage: str) -> IsotropicTable:
-    """Load the table shipped with the package for a `drainage` of "solid" (impervious tip) or "porous"."""
-    with np.load(_FILE, allow_pickle=False) as stored:
+def shipped_punch(drainage: str) -> PunchTable:
+    """Load the table of a flat punch for a `drainage` of "solid" (impervious tip) or "porous"."""
+    with np.load(PUNCH_FILE, allow_pickle=False) as stored:
         time, fall, ends = (read_only(stored[name]) for name in ("time", drainage, "ends"))
-    return IsotropicTable(drainage, time, ResponseTable(_AXES, fall), ResponseTable(_AXES_OF_ENDS, ends))
+    return PunchTable(drainage, time, ResponseTable(PUNCH_AXES, fall), ResponseTable(ENDS_AXES, ends))
 
 
-def measured_error(table: IsotropicTable, count: int, seed: int) -> tuple[float, tuple[float, float]]:
-    """Largest error of the table's normalised fall at `count` random points, and the point (eps/(1 + eps), nu)."""
-    rng = np.random.default_rng(seed)
-    worst, where = 0.0, (0.0, 0.0)
-    for _ in range(count):
-        shape, nu = (float(rng.uniform(axis.low, axis.high)) for axis in _AXES)
-        exact = _solved(shape, nu, table.drainage)
-        error = float(np.abs(table.table.at((shape, nu)) - exact.fall).max())
-        if error > worst:
-            worst, where = error, (shape, nu)
-    return worst, where
-
-
-if __name__ == "__main__":
-    build(Path(sys.argv[1]))
+@cache
+def shipped_tip(drainage: str) -> TipTable:
+    """Load the table of a paraboloid for a `drainage` of "solid" (impervious tip) or "porous"."""
+    with np.load(TIP_FILE, allow_pickle=False) as stored:
+        return TipTable(drainage, ResponseTable(TIP_AXES, read_only(stored[drainage])))
