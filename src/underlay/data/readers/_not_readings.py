@@ -217,9 +217,10 @@ def beginnings(
     if not extent > 0.0:
         return [0]
     motion = _Motion(filled, extent)
-    leaps = [row for row in motion.leaps() if time is None or _stopped(time, row)]
     marked = [row for row in breaks if 0 < row < count] if len(breaks) < _DENSE * count else []
-    certain = {row for row in marked if motion.begins(row)} | {row for row in leaps if motion.goes_in(row)}
+    certain = {row for row in marked if motion.begins(row)} | {
+        row for row in motion.leaps() if motion.goes_in(row)
+    }
     found = [time] if time is not None else (clocks() if not certain and motion.comes_back() else [])
     for clock in found:
         certain |= _set_back(clock, motion)
@@ -275,12 +276,6 @@ class _Motion:
             return False
         near = np.flatnonzero(pressed[far[0] :] < _SMALL * self.extent)
         return bool(near.size) and bool((pressed[far[0] + near[0] :] > 0.5 * self.extent).any())
-
-
-def _stopped(time: FloatArray, row: int) -> bool:
-    """Whether the time before a row goes back or makes a long pause; time that runs on belongs to one test."""
-    ticks = np.diff(_filled(time))
-    return bool(ticks[row - 1] <= 0.0 or ticks[row - 1] > _STEPS * median(ticks))
 
 
 def _set_back(clock: FloatArray, motion: _Motion) -> set[int]:

@@ -75,7 +75,7 @@ class Table:
     labels : sequence of str
         Name of each column, with or without its unit.
     rows : sequence of sequences of str
-        The cells; the first row may hold units.
+        The cells.
     breaks : sequence of int
         Rows before which a blank row or a repeated row of names stands.
     comma : bool, optional
@@ -206,14 +206,15 @@ class _Reader:
         self.source, self.table, self.options = source, table, options
         self.mapping = {role: str(text) for role, text in (options.columns or {}).items()}
         self.labels = [label.strip() for label in table.labels]
-        self.above, self.below, rows = _take_unit_row(table.labels, table.rows, table.units)
+        self.above = [split_label(label)[1] for label in table.labels]
+        stated = [unit_named(without_brackets(unit)) for unit in table.units]
+        self.below = [*stated, *[""] * len(self.above)][: len(self.above)]
         units = zip(table.labels, self.above, self.below, strict=True)
         self.found = find_columns(
             [f"{label} ({below})" if below and not above else label for label, above, below in units],
             self.mapping,
         )
-        self.shift = len(table.rows) - len(rows)
-        self.rows, statistics = without_statistics(rows)
+        self.rows, statistics = without_statistics(table.rows)
         self.notes: list[str] = list(statistics)
         self.signs: dict[str, str] = {}
         self.units: dict[str, str] = {}
@@ -236,7 +237,8 @@ class _Reader:
         try:
             table = self._numbers(indices := _indices(wanted))
         except FileFormatError:
-            if "time" not in wanted or "time" in self.mapping:
+            said = "" if "time" not in wanted else "".join(_column(self.rows[:1], wanted["time"].indices[0]))
+            if "time" not in wanted or "time" in self.mapping or is_number(said):
                 raise
             del wanted["time"]
             table = self._numbers(indices := _indices(wanted))
@@ -281,10 +283,8 @@ class _Reader:
 
     def tests(self) -> Sequence[int]:
         """Rows at which a test begins: as the file says, by a column that numbers tests, or by the motion."""
-        breaks = [row - self.shift for row in self.table.breaks]
-        return (
-            self.table.starts or self._numbered() or beginnings(self.depth, self.time, breaks, self._clocks)
-        )
+        marked = self.table.starts or self._numbered()
+        return marked or beginnings(self.depth, self.time, self.table.breaks, self._clocks)
 
     def _numbered(self) -> list[int]:
         """Rows at which a column that numbers tests changes, with row 0; [] without such a column."""
@@ -423,21 +423,18 @@ class _Reader:
 
     def _take_off_bending(self) -> None:
         """Make a depth of a height or a scanner's travel: turn a height, subtract the cantilever's bending."""
-        if not self.free:
+        if self.free and self.found.get("height") == self.found["depth"]:
+            self.depth = -self.depth
+            self.signs["depth"] = f"minus {self.labels[self.found['depth']]!r}"
+        if not self.scanner:
             if self.options.calibration and not self.known:
                 raise InputError(
                     f"{self.source.name}: a calibration has no use here, depth and force are read as they are "
                     "written; leave it out, or name the columns of travel and deflection"
                 )
             return
-        label = self.labels[self.found["depth"]]
-        if self.found.get("height") == self.found["depth"]:
-            self.depth = -self.depth
-            self.signs["depth"] = f"minus {label!r}"
         deflection = self.found.get("deflection")
         unit = "" if deflection is None else self._unit(Column(deflection))
-        if not self.scanner:
-            return
         if deflection is not None and kind_named(unit) == "length":
             name = self.labels[deflection]
             if deflection not in self.columns:
@@ -449,7 +446,11 @@ class _Reader:
                 self._lever()
             self.known["bending_taken_off"] = True
         elif self.options.calibration or self.table.stated:
-            self.bending = self.force / self._lever().stiffness
+            of_file = not self.known  # and not made of volts with the calibration that is given
+            lever = self._lever()
+            if of_file:
+                self.force = lever.force(self.source, self.force, "N")
+            self.bending = self.force / lever.stiffness
             self.signs["depth"] += " - force / spring constant"
         else:
             self.notes.append(STILL_BENT)
@@ -475,7 +476,7 @@ def _require_no_groups(
             continue
         # Whole ones may be grouped as well: 1,000 is read as 1.
         cells = [row[index].strip() for row in rows if index < len(row)]
-        groups = [cell for cell in cells if "," in cell or "." in cell]
+        groups = [cell for cell in cells if ("," in cell) != ("." in cell)]
         source.require(
             not (all(map(_GROUPED.fullmatch, groups)) and any(map(_PLAIN_HUNDREDS.fullmatch, cells))),
             f", column {labels[index].strip()!r:.80}: {''.join(groups[:1])!r:.40} beside whole numbers of three "
@@ -489,7 +490,8 @@ def _require_decimals(
 ) -> None:
     """Refuse a column whose commas may all separate thousands, in a table whose cells are separated by commas."""
     for index in columns:
-        commas = [cell for row in rows if index < len(row) and "," in (cell := row[index].strip())]
+        cells = (row[index].strip() for row in rows if index < len(row))
+        commas = [cell for cell in cells if "," in cell and "." not in cell]
         source.require(
             not commas or not all(map(_GROUPED.fullmatch, commas)),
             f", column {labels[index].strip()!r:.80}: the comma of {''.join(commas[:1])!r:.40} may be of a decimal "
@@ -504,25 +506,6 @@ def _no_unit(source: Source, label: str, role: str) -> str:
     header = "" if name != label else f"write it in the header as '{label} ({example})', or "
     asked = f'columns = {{ {role} = "{name} ({example})" }}'
     return f"{source.name}, column {label!r:.80}: no unit; {header}give {asked}"
-
-
-def _take_unit_row(
-    labels: Sequence[str], rows: Sequence[Sequence[str]], stated: Sequence[str]
-) -> tuple[list[str], list[str], Sequence[Sequence[str]]]:
-    """Separate the units of a table from its rows.
-
-    Returns the unit of each column in its name, the unit in the row below the names or stated elsewhere (`stated`),
-    and the rows without that row of units.
-    """
-    units = [split_label(label)[1] for label in labels]
-    below = [""] * len(units)
-    if rows and not any(map(is_number, rows[0])):
-        found = [unit_named(without_brackets(cell)) for cell in rows[0]]
-        if any(unit and kind_named(unit) is not None for unit in found):
-            below, rows = (found + below)[: len(units)], rows[1:]
-    if stated:
-        below = [one or unit_named(other) for one, other in zip(below, [*stated, *below], strict=False)]
-    return units, below, rows
 
 
 def _one_unit(source: Source, label: str, above: str, below: str) -> str:

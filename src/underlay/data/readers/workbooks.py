@@ -43,7 +43,7 @@ from underlay.data.readers._format import (
     library,
     read_parts,
 )
-from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of, serves
+from underlay.data.readers._names import Row, find_names, is_same_unit_row, layout_of, serves, units_above
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip
 from underlay.data.readers._table import Table, is_marker, marked, table_curves
 from underlay.data.readers._text import is_number
@@ -225,14 +225,13 @@ def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
         return None
     if not serves(names, asked):
         return None
-    first = layout.first
-    first -= bool(first and is_unit_row(sheet.rows[first - 1]))
+    units = units or units_above(above)
     rows: list[list[str]] = []
     breaks: list[int] = []
-    for row in sheet.rows[first:]:
+    for row in sheet.rows[layout.first :]:
         filled = [cell for cell in row if cell]
         title = len(filled) == 1 and not is_number(filled[0]) and len(row) > 1 and not is_marker(filled[0])
-        if not filled or title or (rows and (row == names or is_unit_row(row))):
+        if not filled or title or (rows and (row == names or is_same_unit_row(source, row, units))):
             breaks.append(len(rows))
         else:
             rows.append(row)
