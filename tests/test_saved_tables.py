@@ -111,7 +111,7 @@ def test_decimal_commas_in_quotes_are_decimals(separator, names, put):
 def test_a_comma_in_quotes_that_may_be_of_thousands_is_refused(put):
     rows = "\n".join(f'"{1000 + 10 * i:,}",{i}' for i in range(40))
     with pytest.raises(
-        ul.FileFormatError, match=r"'depth \(nm\)': the comma of '1,000' may be of a decimal or of"
+        ul.FileFormatError, match=r"'depth \(nm\)': the separator of '1,000' may be of a decimal or of"
     ):
         ul.read(put(f"depth (nm),force (uN)\n{rows}"))
 

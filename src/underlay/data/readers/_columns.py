@@ -180,7 +180,7 @@ def name_of(label: str) -> str:
     """Name of a column for comparison: without its unit, in small letters, no accents, blanks for underscores."""
     name, unit = split_label(label)
     return " ".join(
-        re.sub(r"[_()\[\]<>-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split()
+        re.sub(r"[_()\[\]<>:=-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split()
     )
 
 

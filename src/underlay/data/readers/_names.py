@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple, TypeAlias
@@ -113,30 +114,26 @@ def _repeated(labels: Sequence[str], file: str) -> Sequence[tuple[str, list[int]
     So testing machines and spreadsheets write several specimens. A column of time that stands alone is that of all.
     """
     seen: list[tuple[str, str]] = []
-    tests: dict[str, list[tuple[int, str]]] = {}
     for label in map(str.strip, labels):
         name, unit = split_label(label)
         matched = _PANDAS.fullmatch(label) or _COUNTED.fullmatch(name)
-        base, mark = (matched[1], matched[2]) if matched else (label, "")
-        base = f"{base} ({unit})" if matched and unit and base != label and "(" not in base else base
-        # The same name once more.
-        mark += f" {number}" if (number := seen.count((base, mark))) else ""
-        seen.append((base, mark.strip()))
-    bases = [base for base, _ in seen]
+        base, mark = matched.groups() if matched else (label, "")
+        seen.append((f"{base} ({unit})" if matched and unit and "(" not in base else base, mark))
+    count, before = Counter(base for base, _ in seen), Counter[tuple[str, str]]()
+    tests: dict[tuple[str, int], list[tuple[int, str]]] = {}
     for index, (base, mark) in enumerate(seen):
-        if base and bases.count(base) > 1:
-            tests.setdefault(mark, []).append((index, base))
+        if base and count[base] > 1:  # by its mark, or as the same name once more
+            tests.setdefault((mark, before[base, mark]), []).append((index, base))
+            before[base, mark] += 1
     names = [sorted(base for _, base in test) for test in tests.values()]
     if len(tests) < 2 or any(one != names[0] for one in names) or not _serves_by_name(names[0], None):
         return []
     alone = [
-        (at, base)
-        for at, base in enumerate(bases)
-        if bases.count(base) == 1 and "time" in find_columns([base])
+        (at, base) for at, (base, _) in enumerate(seen) if count[base] == 1 and "time" in find_columns([base])
     ]
     return [
-        (f"{file}, test {number}", *map(list, zip(*(alone + test), strict=True)))
-        for number, test in enumerate(tests.values(), start=1)
+        (f"{file}, test {number}", [at for at, _ in columns], [base for _, base in columns])
+        for number, columns in enumerate((alone + test for test in tests.values()), start=1)
     ]
 
 
@@ -156,7 +153,8 @@ def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]
             indices.append(index)
             names.append(joint.join(word for word in words if word != directions[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]
-    both = sorted(there) == sorted(back) or not back
+    # One way alone has its word in every name.
+    both = sorted(there) == sorted(back) or len(there) == len(list(filter(str.strip, labels)))
     return {side: way for side, way in found.items() if way[0]} if len(there) >= 2 and both else {}
 
 

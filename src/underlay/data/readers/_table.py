@@ -61,7 +61,6 @@ from underlay.units import unit_factor
 # 1,000 or 12.500: what separates thousands where nothing else is divided; and a number just below them.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
-_THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 # Names from which a lever's bending is still to be taken off.
 _SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - words("of_a_stage")
 
@@ -245,9 +244,8 @@ class _Reader:
             label = self.labels[self.found["time"]]
             self.notes.append(f"the time is left out: {label!r:.80} holds no numbers")
         self.columns = dict(zip(indices, table.T, strict=True))
-        _require_no_groups(self.source, self.labels, self.rows, self.columns)
-        if self.table.comma is None and self.table.commas_between:
-            _require_decimals(self.source, self.labels, self.rows, self.columns)
+        quoted = self.table.comma is None and self.table.commas_between
+        _require_no_thousands(self.source, self.labels, self.rows, self.columns, quoted=quoted)
         if not {"depth", "force"} <= self.mapping.keys():
             units = [one or other for one, other in zip(self.above, self.below, strict=False)]
             main = [self.columns[wanted[role].indices[0]] for role in ("depth", "force")]
@@ -460,43 +458,35 @@ def _indices(wanted: Mapping[str, Asked]) -> list[int]:
     return sorted({index for asked in wanted.values() for index in asked.indices})
 
 
-def _require_no_groups(
-    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
+def _require_no_thousands(
+    source: Source,
+    labels: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    columns: Mapping[int, FloatArray],
+    *,
+    quoted: bool,
 ) -> None:
-    """Refuse a column whose separator of thousands was read as a decimal sign, as in 998, 999, 1,000."""
+    """Refuse a column whose separator of thousands was read as a decimal sign, as in 998, 999, 1,000.
+
+    `quoted`: commas separate the cells, so that one within a cell in quotes may be either.
+    """
     for index, values in columns.items():
-        # Nearly every column ends here, or a line below.
-        if np.abs(values).max() < _THREE_DIGITS:
+        if not quoted and np.abs(values).max() < 100.0:
             continue
         whole = values == np.rint(values)
         divided = 1e3 * values[~whole]
-        if not divided.size or not (np.abs(values[whole]) >= _THREE_DIGITS).any():
-            continue
-        if not (np.abs(divided - np.rint(divided)) < _ROUNDING).all():
+        # Nearly every column ends here, or above: a group of three digits is a multiple of a thousandth.
+        if not divided.size or (np.abs(divided - np.rint(divided)) > 1e-6).any():
             continue
         # Whole ones may be grouped as well: 1,000 is read as 1.
         cells = [row[index].strip() for row in rows if index < len(row)]
-        groups = [cell for cell in cells if ("," in cell) != ("." in cell)]
+        groups = [cell for cell in cells if ("," in cell) != ("." in cell) and (not quoted or "," in cell)]
+        beside = quoted or any(map(_PLAIN_HUNDREDS.fullmatch, cells))
         source.require(
-            not (all(map(_GROUPED.fullmatch, groups)) and any(map(_PLAIN_HUNDREDS.fullmatch, cells))),
-            f", column {labels[index].strip()!r:.80}: {''.join(groups[:1])!r:.40} beside whole numbers of three "
-            "digits looks like thousands and would be read as a decimal; write the numbers without a separator of "
-            "thousands",
-        )
-
-
-def _require_decimals(
-    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
-) -> None:
-    """Refuse a column whose commas may all separate thousands, in a table whose cells are separated by commas."""
-    for index in columns:
-        cells = (row[index].strip() for row in rows if index < len(row))
-        commas = [cell for cell in cells if "," in cell and "." not in cell]
-        source.require(
-            not commas or not all(map(_GROUPED.fullmatch, commas)),
-            f", column {labels[index].strip()!r:.80}: the comma of {''.join(commas[:1])!r:.40} may be of a decimal "
-            "or of thousands; write the numbers with decimal points and without thousands, or separate the columns "
-            "by semicolons, where a comma is a decimal's",
+            not (groups and beside and all(map(_GROUPED.fullmatch, groups))),
+            f", column {labels[index].strip()!r:.80}: the separator of {''.join(groups[:1])!r:.40} may be of a "
+            "decimal or of thousands; write the numbers with decimal points and without thousands, or separate the "
+            "columns by semicolons, where a comma is a decimal's",
         )
 
 

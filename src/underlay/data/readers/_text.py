@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._door import parse_toml
-from underlay.data.readers._source import MAX_TEXT_BYTES, Source
+from underlay.data.readers._source import MAX_TEXT_BYTES, SHOWN, Source
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, unit_factor
 
@@ -63,8 +63,6 @@ _WORD_UNITS = {word: unit for unit, text in _UNITS["words"].items() for word in 
     for stem in listed(text)
 }
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+|\d{1,3}(?:,\d{3})+\.\d*)(?:[eE][+-]?\d+)?\s*")
-# Rows that show which decimal sign a table has.
-_SHOWN = 200
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 # Files of one kind ask for the same.
 _factor = lru_cache(maxsize=256)(unit_factor)
@@ -293,15 +291,6 @@ def column_factor(unit: str, kind: str, column: str, where: str) -> float:
         raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
 
 
-def finite(text: str) -> float | None:
-    """Return the finite number that a text is; None of any other text."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with a decimal point or comma."""
     return len(cell) < 60 and _NUMBER.fullmatch(cell) is not None
@@ -346,7 +335,7 @@ def numbers(
     """
     if comma is None:
         # A test begins and may end with nothing but zeros, and no instrument with both.
-        ends = slice(_SHOWN), slice(-_SHOWN, None)
+        ends = slice(SHOWN), slice(-SHOWN, None)
         some = not isinstance(rows, Lines) or any("," in line for end in ends for line in rows.lines[end])
         shown = (
             [row[at] for end in ends for row in rows[end] for at in indices if at < len(row)] if some else []

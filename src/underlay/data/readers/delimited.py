@@ -39,7 +39,7 @@ from underlay.data.readers._names import (
     units_above,
     with_units,
 )
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import HEAD, LISTED, MOST_PARTS, SHOWN, Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import SEGMENT_OF, Lines, is_number, lines_and_gaps
 from underlay.errors import UnitError
@@ -52,8 +52,8 @@ COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrume
 _COMMENT = ("#", "%", "//")
 # Comments too where nothing is separated by them.
 _ALSO_COMMENT = (";", "!")
-# The first line of an Igor text file, and most waves that are read of one.
-_IGOR, _MOST_WAVES = "IGOR", 2000
+# The first line of an Igor text file.
+_IGOR = "IGOR"
 _DECIMAL = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
 _DIGIT = re.compile(r"\d")
 _NUMERIC = frozenset("0123456789+-.")
@@ -69,9 +69,6 @@ _READINGS = {
     )
 }
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
-_LISTED = 3
-# Lines among which names in quotes may go over several.
-_MOST_QUOTED = 40
 
 
 def _separator(line: str) -> str:
@@ -141,7 +138,7 @@ def _lines_of(source: Source) -> tuple[list[str], list[int]]:
     lines, gaps = lines_and_gaps(source)
     if lines[0].strip() == _IGOR:
         return _waves(source, lines), []
-    joined = _with_whole_quotes(lines) if any(line.count('"') % 2 for line in lines[:_LISTED]) else lines
+    joined = _with_whole_quotes(lines) if any(line.count('"') % 2 for line in lines[:SHOWN]) else lines
     first = bool(re.fullmatch(r"sep=.\s*", joined[0]))
     return joined[first:], [gap - len(lines) + len(joined) - first for gap in gaps]
 
@@ -174,7 +171,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
         names, units = find_names(source, cells_above, comments, layout, options.columns, split)
         first = layout.first
-        units = units or units_above([_split(line, separator) for line in above[-_LISTED:]])
+        units = units or units_above([_split(line, separator) for line in above[-LISTED:]])
         below = {at: line for at, line in odd.items() if at >= first}
         named = [name.strip() for name in names]
         left_out, notes = _left_out(source, below, commented, separator, named, units)
@@ -221,14 +218,17 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
 
 def _with_whole_quotes(lines: Sequence[str]) -> list[str]:
-    """Join the first lines where a line ends within a quoted cell, as names do that were typed over two lines."""
-    joined: list[str] = []
-    for line in lines[:_MOST_QUOTED]:
-        if joined and joined[-1].count('"') % 2:
+    """Join the first lines where a line ends within a quoted cell, as names do that were typed over two lines.
+
+    Lines come back as they are where a quote has no end: it is none, as an inch in a remark.
+    """
+    joined: list[str] = [""]
+    for line in lines[:SHOWN]:
+        if joined[-1].count('"') % 2 and not joined[-1].lstrip().startswith(_COMMENT):
             joined[-1] += f" {line}"
         else:
             joined.append(line)
-    return [*joined, *lines[_MOST_QUOTED:]]
+    return [*joined[1:], *lines[SHOWN:]] if joined[-1].count('"') % 2 == 0 else list(lines)
 
 
 def _waves(source: Source, lines: Sequence[str]) -> list[str]:
@@ -250,7 +250,7 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
         else:
             others.append(f"# {word}")
     source.require(
-        0 < len(columns) <= _MOST_WAVES,
+        0 < len(columns) <= MOST_PARTS,
         f"is an Igor text file with {len(columns)} waves; a curve has 2 or more",
     )
     rows = zip_longest(*(column for _, column in columns), fillvalue="")
@@ -297,7 +297,7 @@ def _left_out(
             filled = [cell for cell in cells if cell]
             again = cells == names or is_same_unit_row(source, cells, units)
             title = not again and len(filled) == 1 and not is_number(filled[0])
-            if title and len(notes) < _LISTED:
+            if title and len(notes) < LISTED:
                 notes.append(f"left out: the line {one_line(filled[0])!r:.60} between the rows of numbers")
             if again or title or (len(filled) > 1 and filled == [name for name in names if name]):
                 left_out.add(at)
@@ -373,7 +373,7 @@ def _stored(comments: Sequence[str]) -> Any:
 
 
 def _is_table(source: Source) -> bool:
-    head = source.head(65_536)
+    head = source.head(HEAD)
     return head.startswith(_IGOR) or any(map(_separator, head.split("\n")))
 
 
