@@ -376,6 +376,24 @@ def test_one_way_of_a_microscope_alone(signal, given, way, put):
     is_whole(ul.read(path, calibration={"spring_constant": given}), DEPTH * 1e-6, times * FORCE * 1e-9)
 
 
+@pytest.mark.parametrize("signal", ["Defl_nm", "Defl_V", "Defl_pN"])
+def test_a_sensitivity_that_is_given_acts_on_lengths_and_forces_too(signal, put):
+    """Where the file says with which one they were made; it is refused where it does not."""
+    bending = FORCE / STIFFNESS
+    column = {"n": bending, "V": bending / 41.0, "p": 1e3 * FORCE}[signal[5]]
+    head = '"\\Spring Constant: 0.06"\n"\\@Sens. DeflSens: V 41.0 nm/V"\n'
+    table = f"Calc_Ramp_nm\t{signal}\n" + rows(1e3 * DEPTH + bending, column, form="{:.9f}")
+    given = {"sensitivity": "20.5 nm/V", "spring_constant": "0.06 N/m"}
+    is_whole(
+        ul.read(put(head + table), calibration=given),
+        1e-6 * DEPTH + 0.5e-9 * bending,
+        0.5e-9 * FORCE,
+    )
+    if signal != "Defl_V":
+        with pytest.raises(ul.InputError, match="does not say with which sensitivity"):
+            ul.read(put(table), calibration=given)
+
+
 def test_volts_of_jpk_take_the_sensitivity_of_the_head(put):
     text = jpk_text(["measuredHeight", "vDeflection"], "", ["extend", "retract"])
     text = text.replace("# units: m N", "# sensitivity: 5.0E-8\n# units: m V")

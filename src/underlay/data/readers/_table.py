@@ -400,24 +400,26 @@ class _Reader:
         self.notes.append("each segment sets the clock back: it goes on from the segment before")
         return time
 
-    def _lever(self) -> Lever:
-        signals = [label for label in self.labels if name_of(label) in KNOWN["deflection"]]
-        if "sensitivity" in self.options.calibration and not signals:
-            raise InputError(f"{self.source.name} holds forces, not volts; a sensitivity cannot be given")
-        lever = Lever.of(self.source, self.table.stated, self.options.calibration)
+    def _lever(self, *, volts: bool = False) -> Lever:
+        """The calibration of the lever; `volts`: whether it is used on volts, to which any sensitivity applies."""
+        stated, given = self.table.stated, self.options.calibration
+        if "sensitivity" in given and not volts and "sensitivity" not in stated:
+            raise InputError(
+                f"{self.source.name} holds forces, not volts, and does not say with which sensitivity they were "
+                "made; a sensitivity cannot be given"
+            )
+        lever = Lever.of(self.source, stated, given)
         self.known |= {**lever.about, "bending_taken_off": True}
         return lever
 
     def _lever_force(self, values: FloatArray, label: str, unit: str) -> FloatArray:
         """Force (N), (n,), from a cantilever's deflection in a unit of length or in volts of its detector."""
-        lever = self._lever()
+        volts = kind_named(unit) == "voltage"
+        lever = self._lever(volts=volts)
         self.units[label] = unit
-        if kind_named(unit) == "voltage":
-            self.signs["force"] = f"{label!r} * sensitivity * spring constant"
-            return lever.force(self.source, values * unit_factor(unit, "voltage"))
-        self.signs["force"] = f"{label!r} * spring constant"
-        factor = column_factor(unit, "length", label, self.source.name)
-        return np.asarray(values * (factor * lever.stiffness))
+        self.signs["force"] = f"{label!r} *{' sensitivity *' if volts else ''} spring constant"
+        factor = column_factor(unit, "voltage" if volts else "length", label, self.source.name)
+        return lever.force(self.source, values * factor, "V" if volts else "m")
 
     def _take_off_bending(self) -> None:
         """Make a depth of a height or a scanner's travel: turn a height, subtract the cantilever's bending."""
@@ -440,12 +442,13 @@ class _Reader:
             self.bending = self.columns[deflection] * unit_factor(unit, "length")
             self.signs["depth"] += f" - {name!r}"
             self.units[name] = unit
-            if self.table.stated.get("stiffness"):
-                self._lever()
+            if self.table.stated.get("stiffness") or self.options.calibration:
+                lever = self._lever()
+                self.bending = lever.force(self.source, self.bending, "m") / lever.stiffness
             self.known["bending_taken_off"] = True
         elif self.options.calibration or self.table.stated:
             of_file = not self.known  # and not made of volts with the calibration that is given
-            lever = self._lever()
+            lever = self._lever(volts=not of_file)
             if of_file:
                 self.force = lever.force(self.source, self.force, "N")
             self.bending = self.force / lever.stiffness
