@@ -125,6 +125,18 @@ def test_tests_one_below_the_other_are_several(text, put):
         ul.read(put(text), columns=columns)
 
 
+@pytest.mark.parametrize("name", ["test", "Sample ID", "curve no."])
+def test_mixed_rows_of_several_tests_are_refused(name, put):
+    body = "".join(f"{d:.5f},{f:.5f},{k}\n" for d, f in zip(DEPTH, FORCE, strict=True) for k in (1, 2, 3))
+    few = "".join(
+        f"{d:.5f},{f:.5f},{k}\n" for k in range(9) for d, f in zip(DEPTH[::60], FORCE[::60], strict=True)
+    )
+    with pytest.raises(ul.FileFormatError, match="fewer than 8 each"):
+        ul.read_all(put(f"depth (um),force (nN),{name}\n{few}"))
+    with pytest.raises(ul.FileFormatError, match="rows of several tests are mixed"):
+        ul.read_all(put(f"depth (um),force (nN),{name}\n{body}"))
+
+
 @pytest.mark.parametrize("kind", ["segments", "cycles", "double spaced", "steps"])
 def test_segments_and_cycles_of_one_test_are_one(kind, put):
     head, into, out = "depth (um),force (nN),time (s)\n", (DEPTH, FORCE), (DEPTH[::-1], FORCE[::-1])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.curve import Curve
+from underlay.data.curve import MIN_POINTS, Curve
 from underlay.data.readers._columns import (
     KNOWN,
     ROLES,
@@ -290,8 +290,13 @@ class _Reader:
             if is_count(label, of_tests=True):
                 cells = np.array([cell.strip() for cell in _column(self.rows, index)])
                 starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
-                if len(starts) > 1 and len(cells) >= 8 * len(starts):
+                if len(starts) > 1 and len(cells) >= MIN_POINTS * len(starts):
                     return starts
+                self.source.require(
+                    not 1 < len(set(cells)) <= len(cells) / 2,
+                    f", column {label!r:.80}: the rows of several tests are mixed, or fewer than {MIN_POINTS} "
+                    "each; sort the table by it",
+                )
         return []
 
     def _clocks(self) -> Iterator[FloatArray]:
