@@ -2,7 +2,7 @@
 
 A file may begin with pages of settings, a table of results or comments. `layout_of` finds the first long run
 of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments. Tests may
-stand side by side (`side_by_side`), and so may approach and way back (`sides_of`).
+stand side by side (`side_by_side`), and so may approach and way back, of which one may stand alone (`sides_of`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Plain CSV and TSV tables: a row of names with units, then numbers.
 
 Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names,
-in a comment, or in the column mapping. Separators are tab, semicolon, bar, comma or blanks; a decimal comma is
-understood where the separator is not a comma, or the cells stand in quotes.
+which a row of remarks may follow as in Origin, in a comment, or in the column mapping. Separators are tab,
+semicolon, bar, comma or blanks; a decimal comma is understood where the separator is not a comma, or the cells
+stand in quotes.
 
 What stands above the first long run of rows of numbers (results, settings) is passed over. Lines that start with
 ``#`` are kept as comments; the names are looked for there where there are no others. Names and cells must be
