@@ -373,7 +373,7 @@ def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: b
         for j, index in enumerate(indices):
             cells = [row[index] for row in rows]
             if comma:
-                cells = list(map(_with_point, cells))
+                cells = [cell.replace(",", ".") for cell in cells]
             table[:, j] = list(map(float, cells))
             if "_" in "".join(cells):
                 return None

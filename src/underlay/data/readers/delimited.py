@@ -139,7 +139,7 @@ def _lines_of(source: Source) -> tuple[list[str], list[int]]:
     lines, gaps = lines_and_gaps(source)
     if lines[0].strip() == _IGOR:
         return _waves(source, lines), []
-    joined = _with_whole_quotes(lines) if any(line.count('"') % 2 for line in lines[:SHOWN]) else lines
+    joined = _with_whole_quotes(lines) if '"' in source.head(HEAD) else lines
     first = bool(re.fullmatch(r"sep=.\s*", joined[0]))
     return joined[first:], [gap - len(lines) + len(joined) - first for gap in gaps]
 
