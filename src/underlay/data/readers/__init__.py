@@ -249,7 +249,7 @@ class _Asked:
         """Add file, hash, format, calibration uncertainties and, if unset, the number to a curve's metadata."""
         return curve.with_metadata(
             **({} if number is None or "test" in curve.metadata else {"test": number}),
-            **self.known.metadata,
+            **{f"{name}_uncertainty": share for name, share in self.known.uncertainties.items()},
             name=curve.metadata.get("name") or printable(source.path.stem),
             path=str(source.path),
             member=source.member or None,

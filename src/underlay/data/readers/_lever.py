@@ -88,11 +88,6 @@ class Calibration:
                 uncertainties[name] = _share(name, number, str(spread[0]))
         return cls(values, uncertainties)
 
-    @property
-    def metadata(self) -> dict[str, float]:
-        """The uncertainties by their names in a curve's metadata, such as ``spring_constant_uncertainty``."""
-        return {f"{name}_uncertainty": share for name, share in self.uncertainties.items()}
-
 
 def _value(name: str, number: str | float) -> tuple[str, float]:
     unit = kind_of(str(number).strip().lstrip("+-.0123456789eE").strip())

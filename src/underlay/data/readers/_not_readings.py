@@ -167,11 +167,9 @@ def _side_by_side_moduli(
             numbers = [row[index].strip() for row in rows if index < len(row)]
             if len(numbers) >= _FEWEST and len(set(numbers)) == len(numbers):
                 return f"{there} the column {label.strip()!r:.80} numbers its rows"
-    if not _leaping(depth):
-        return ""
-    if _leaping(force):
+    if _leaping(depth) and _leaping(force):
         return f"{there} its depths and forces leap from row to row"
-    same = np.ptp(force) <= _SAME * np.abs(np.median(force))
+    same = _leaping(depth) and np.ptp(force) <= _SAME * np.abs(np.median(force))
     return f"{there} its depths leap from row to row while its forces are all the same" if same else ""
 
 

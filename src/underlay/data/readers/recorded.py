@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -45,11 +46,8 @@ _FEWEST = 3
 # --- what underlay wrote
 
 
+_OWN_JSON = re.compile(rf'\s*{{.*"{HDF5_MARK}"', re.DOTALL)
 _SIGNS = {"depth": "as exported", "force": "as exported"}
-
-
-def _is_json(head: str) -> bool:
-    return head.startswith("{") and f'"{HDF5_MARK}"' in head
 
 
 def _read_json(source: Source, options: Options) -> list[Curve]:
@@ -106,7 +104,7 @@ def _numbers(source: Source, columns: Mapping[str, Any], name: str, length: int 
     return array
 
 
-JSON_FORMAT = declared("json", _read_json, lambda source: _is_json(source.head(400).lstrip()))
+JSON_FORMAT = declared("json", _read_json, lambda source: bool(_OWN_JSON.match(source.head(400))))
 
 HDF5_FORMAT = declared("hdf5", _read_hdf5, is_own)
 

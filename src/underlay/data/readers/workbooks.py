@@ -328,11 +328,12 @@ def _made_of_nanosuite(part: Part, columns: Columns) -> dict[str, Any]:
     }
 
 
-def _is_nanosuite(source: Source) -> bool:
-    return _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample")
-
-
-NANOSUITE = TextFormat("nanosuite", _nanosuite_parts, _made_of_nanosuite, _is_nanosuite).format
+NANOSUITE = TextFormat(
+    "nanosuite",
+    _nanosuite_parts,
+    _made_of_nanosuite,
+    lambda source: _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample"),
+).format
 
 
 _SPECIMEN = channels_of("testxpert")
