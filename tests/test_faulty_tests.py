@@ -69,6 +69,37 @@ def test_a_fit_of_such_a_lever_ends_in_one_line(file, low, high, put, run, tmp_p
     assert err.count("\n") == 1
 
 
+def of_a_lever(fault, stiff, put):
+    """A table of height sensor and deflection, way in alone: a tip of 20 nm on a sample of `stiff` Pa, 0.06 N/m."""
+    depth = np.r_[np.linspace(-0.3e-6, 0.0, 300, endpoint=False), np.linspace(0.0, 1e-7, 20_001)]
+    bending = made.paraboloid_force(depth, 20e-9, stiff) / 0.06
+    kept = bending < 0.3e-6
+    travel = np.linspace(-0.3e-6, (depth + bending)[kept][-1], 600)
+    seen = fault * np.interp(travel, depth + bending, bending)
+    seen = seen + 0.15e-9 * np.random.default_rng(5).standard_normal(600)
+    text = made.table(1e9 * travel, 1e9 * seen, separator=",", form="{:.4f}")
+    return put(f"# spring constant: 0.06 N/m\nz sensor (nm),Deflection (nm)\n{text}")
+
+
+@pytest.mark.parametrize(("fault", "stiff"), [(1.1, 70e9), (1.1, 1e9), (1.4, 1e9), (1.4, 3e6)])
+@pytest.mark.parametrize("bounds", ["", 'min = "-200 nm", max = "1 um"'])
+def test_a_lever_that_bends_too_far_is_named_by_a_fit_with_a_free_contact_point(
+    fault, stiff, bounds, put, tmp_path
+):
+    text = scene_text("20 nm", f"{stiff} Pa").replace("contact_depth = {}", f"contact_depth = {{ {bounds} }}")
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ul.CurveError, match=r"\d nm per nm of travel.*sensitivity"):
+        ul.load_problem(of_a_lever(fault, stiff, put), tmp_path / "scene.toml")
+
+
+@pytest.mark.parametrize("stiff", [3e6, 1e9])
+def test_the_travel_of_a_lever_is_not_compared_with_the_radius(stiff, put, tmp_path):
+    """The lever bends by 15 radii and the tip goes in by 4, or by a tenth of one."""
+    (tmp_path / "scene.toml").write_text(scene_text("20 nm", f"{stiff} Pa"), encoding="utf-8")
+    found = ul.fit(ul.load_problem(of_a_lever(1.0, stiff, put), tmp_path / "scene.toml"))
+    assert found.values["layer.E"] == pytest.approx(stiff, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("file", "options", "top"),
     [
@@ -195,6 +226,27 @@ def test_a_radius_off_by_a_thousand_is_refused_with_both_sizes(put, tmp_path):
     with pytest.raises(ul.CurveError, match=r"pressed 1\.9\d+ um beyond contact .* 5 nm in radius") as error:
         ul.load_problem(put(made.small_ball()), scene)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("begun", [0.4, 1.0, 2.5])
+def test_a_radius_a_thousand_times_too_large_is_asked_about(begun, put, tmp_path):
+    """It makes the modulus 32 times too small, and the depth 0.0004 radii."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(scene_text("5 mm", f"{2.0 * begun} kPa"), encoding="utf-8")
+    (note,) = ul.load_problem(put(made.small_ball()), scene).curves[0].metadata["notes"][-1:]
+    assert "you began with" in note
+    assert "is the radius 5 um" in note or "the radius in the units" in note
+
+
+@pytest.mark.parametrize("times", [1e-3, 1e3])
+def test_a_spring_constant_off_by_a_thousand_is_asked_about(times, put, tmp_path):
+    depth = np.linspace(-1.0e-6, 2.0e-6, made.POINTS)
+    bending = made.paraboloid_force(depth, 5e-6, 2e3) / 0.06
+    path = put("z (nm),Deflection (nm)\n" + made.table(1e9 * (depth + bending), 1e9 * bending, separator=","))
+    scene = tmp_path / "scene.toml"
+    told = f'calibration = {{ spring_constant = "{0.06 * times} N/m" }}'
+    scene.write_text(scene_text("5 um", "4 kPa", curve=told), encoding="utf-8")
+    assert any("spring constant" in n for n in ul.load_problem(path, scene).curves[0].metadata["notes"])
 
 
 # --- a starter for every file

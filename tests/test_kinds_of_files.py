@@ -101,6 +101,8 @@ def stacked():
         "names again": (head + one) * 3,
         "titles": head + one + "Test 2,,\n" + one + "Test 3,,\n" + one,
         "clock set back": head + 3 * back,
+        "clock goes on": head
+        + "".join(rows(DEPTH, FORCE, TIME + 12.05 * k, separator=",") for k in range(3)),
         "depth alone": "z_tip (um),F (nN)\n" + 3 * short,
         "numbers of tests": "z_tip (um),F (nN),Test\n"
         + "".join(rows(DEPTH, FORCE, np.full(240, k), separator=",") for k in (1, 2, 3)),
@@ -121,6 +123,18 @@ def test_tests_one_below_the_other_are_several(text, put):
     assert any("3 tests one below the other" in note for note in curves[0].metadata["notes"])
     with pytest.raises(ul.InputError, match="holds 3 tests"):
         ul.read(put(text), columns=columns)
+
+
+@pytest.mark.parametrize("name", ["test", "Sample ID", "curve no."])
+def test_mixed_rows_of_several_tests_are_refused(name, put):
+    body = "".join(f"{d:.5f},{f:.5f},{k}\n" for d, f in zip(DEPTH, FORCE, strict=True) for k in (1, 2, 3))
+    few = "".join(
+        f"{d:.5f},{f:.5f},{k}\n" for k in range(9) for d, f in zip(DEPTH[::60], FORCE[::60], strict=True)
+    )
+    with pytest.raises(ul.FileFormatError, match="fewer than 8 each"):
+        ul.read_all(put(f"depth (um),force (nN),{name}\n{few}"))
+    with pytest.raises(ul.FileFormatError, match="rows of several tests are mixed"):
+        ul.read_all(put(f"depth (um),force (nN),{name}\n{body}"))
 
 
 @pytest.mark.parametrize("kind", ["segments", "cycles", "double spaced", "steps"])
@@ -361,7 +375,45 @@ def test_nanoscope_ascii_side_by_side(head, columns, put):
     assert curve.metadata["spring_constant"] == STIFFNESS
 
 
-@pytest.mark.parametrize("kind", ["table", "several", "igor", "volts"])
+@pytest.mark.parametrize("given", ["0.06 N/m", "0.12 N/m"])
+@pytest.mark.parametrize("signal", ["Defl_nm_Ex", "Defl_V_Ex", "Defl_pN_Ex"])
+@pytest.mark.parametrize("way", ["Ex", "approach", "Loading"])
+def test_one_way_of_a_microscope_alone(signal, given, way, put):
+    """A calibration that is given makes the file's own forces anew."""
+    bending, times = FORCE / STIFFNESS, float(given.split()[0]) / STIFFNESS
+    column = {"n": bending, "V": bending / 41.0, "p": 1e3 * FORCE}[signal[5]]
+    head = '"\\Spring Constant: 0.06"\n"\\@Sens. DeflSens: V 41.0 nm/V"\n'
+    names = f"Calc_Ramp_Ex_nm\t{signal}".replace("_Ex", f"_{way}")
+    path = put(f"{head}{names}\n" + rows(1e3 * DEPTH + bending, column, form="{:.9f}"))
+    is_whole(ul.read(path, calibration={"spring_constant": given}), DEPTH * 1e-6, times * FORCE * 1e-9)
+
+
+@pytest.mark.parametrize("signal", ["Defl_nm", "Defl_V", "Defl_pN"])
+def test_a_sensitivity_that_is_given_acts_on_lengths_and_forces_too(signal, put):
+    """Where the file says with which one they were made; it is refused where it does not."""
+    bending = FORCE / STIFFNESS
+    column = {"n": bending, "V": bending / 41.0, "p": 1e3 * FORCE}[signal[5]]
+    head = '"\\Spring Constant: 0.06"\n"\\@Sens. DeflSens: V 41.0 nm/V"\n'
+    table = f"Calc_Ramp_nm\t{signal}\n" + rows(1e3 * DEPTH + bending, column, form="{:.9f}")
+    given = {"sensitivity": "20.5 nm/V", "spring_constant": "0.06 N/m"}
+    is_whole(
+        ul.read(put(head + table), calibration=given),
+        1e-6 * DEPTH + 0.5e-9 * bending,
+        0.5e-9 * FORCE,
+    )
+    if signal != "Defl_V":
+        with pytest.raises(ul.InputError, match="does not say with which sensitivity"):
+            ul.read(put(table), calibration=given)
+
+
+def test_volts_of_jpk_take_the_sensitivity_of_the_head(put):
+    text = jpk_text(["measuredHeight", "vDeflection"], "", ["extend", "retract"])
+    text = text.replace("# units: m N", "# sensitivity: 5.0E-8\n# units: m V")
+    curve = ul.read(put(text))
+    np.testing.assert_allclose(curve.loading().force, FORCE * 1e-9 * STIFFNESS * 5e-8, rtol=1e-8, atol=1e-25)
+
+
+@pytest.mark.parametrize("kind", ["table", "several", "igor", "waves", "volts"])
 def test_asylum_text(kind, put):
     bending = 1e-9 * FORCE / STIFFNESS
     raw = 1e-6 * DEPTH + bending
@@ -371,6 +423,9 @@ def test_asylum_text(kind, put):
         text = "Raw\tDefl\n" + rows(raw, bending, **form)
     elif kind == "several":
         text = "c0001Raw\tc0001Defl\tc0002Raw\tc0002Defl\n" + rows(raw, bending, raw, bending, **form)
+    elif kind == "waves":
+        blocks = (("Raw", raw), ("Defl", bending))
+        text = "IGOR\n" + "".join(f"WAVES/D\t{n}\nBEGIN\n{rows(v, **form)}END\n" for n, v in blocks)
     elif kind == "volts":
         given["sensitivity"] = "50 nm/V"
         text = "ZSnsr (m)\tDeflV (V)\n" + rows(raw, bending / 50e-9, **form)
@@ -449,7 +504,108 @@ def test_anton_paar_tests_side_by_side(kind, put):
     np.testing.assert_allclose(other.force, 1e-3 * FORCE[:short], rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "depth1 (um),force1 (nN),depth2 (um),force2 (nN)",
+        "depth (um),force (nN),depth (um).1,force (nN).1",
+        "force B (nN),depth B (um),time (s),force A (nN),depth A (um)",
+        "depth 1 (um),force 1 (nN),E 1,depth 2 (um),force 2 (nN),E 2",
+        ",".join(["depth (um),force (nN)"] * 150),
+    ],
+)
+def test_names_with_a_number_or_a_letter_are_those_of_several_tests(head, put):
+    columns = {"d": DEPTH, "f": FORCE, "t": TIME, "E": TIME}
+    body = rows(*(columns[name[0]] for name in head.split(",")), separator=",")
+    for curve in ul.read_all(put(f"{head}\n{body}")):
+        is_whole(curve)
+        assert (curve.time is None) == ("time" not in head)
+    assert len(ul.read_all(put(f"{head}\n{body}"))) == head.count("force")
+
+
+@pytest.mark.parametrize(
+    "head", ["depth (um),force 1 (nN),force 2 (nN),t", "Depth X (um),Force X (nN),Depth Y (um),Force Y (nN)"]
+)
+def test_two_cells_or_two_axes_are_not_two_tests(head, put):
+    with pytest.raises(ul.FileFormatError, match="has no column for the"):
+        ul.read_all(put(f"{head}\n" + rows(DEPTH, FORCE, DEPTH, FORCE, separator=",")))
+
+
 # --- tables as people write them
+
+
+@pytest.mark.parametrize("kind", ["text", "blanks", "sheet"])
+@pytest.mark.parametrize("rows_below", [("um nN",), ("um nN", "gel1 gel1"), ("(um) (nN)", "a b")])
+def test_units_stand_in_a_row_below_the_names_and_remarks_below_them(kind, rows_below, put):
+    heads = [row.split() for row in ("depth force", *rows_below)]
+    if kind == "sheet":
+        book = openpyxl.Workbook()
+        for row in (*heads, *zip(DEPTH.tolist(), FORCE.tolist(), strict=True)):
+            book.active.append(row)
+        content = io.BytesIO()
+        book.save(content)
+        path = put(content.getvalue(), "o.xlsx")
+    else:
+        between = "\t" if kind == "text" else "   "
+        path = put("\n".join(map(between.join, heads)) + "\n" + rows(DEPTH, FORCE, separator=between))
+    is_whole(ul.read(path))
+
+
+@pytest.mark.parametrize("sheet", [False, True])
+def test_other_units_further_down_are_refused(sheet, put):
+    blocks = [["depth", "force"], [], *zip(DEPTH.tolist(), FORCE.tolist(), strict=True)]
+    cells = [row or ["um", "nN"] for row in blocks] + [row or ["nm", "nN"] for row in blocks]
+    if sheet:
+        book = openpyxl.Workbook()
+        for row in cells:
+            book.active.append(row)
+        content = io.BytesIO()
+        book.save(content)
+        path = put(content.getvalue(), "two.xlsx")
+    else:
+        path = put("\n".join(",".join(map(str, row)) for row in cells))
+    with pytest.raises(ul.FileFormatError, match=r"other units further down \('nm', 'nN'\)"):
+        ul.read_all(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"depth\n(um)","force\n(nN)"\n' + rows(DEPTH, FORCE, separator=","),
+        '"depth (nm)","force (pN)"\n' + rows(1e3 * DEPTH, 1e3 * FORCE, separator='","', form="{:,.3f}"),
+        "depth (um)\tforce (nN)\n" + rows(DEPTH, FORCE).replace("-", "\u2212"),
+        "depth (um):\tforce (nN):\n" + rows(DEPTH, FORCE),
+        "Channel 1: depth (um)\nChannel 2: force (nN)\n".replace("Ch", "# Ch") + rows(DEPTH, FORCE),
+        "; depth [um]; force [nN]\n" + rows(DEPTH, FORCE, separator=";"),
+    ],
+    ids=["names over two lines", "thousands", "minus signs", "colons", "channels", "semicolons"],
+)
+def test_tables_as_spreadsheets_and_plots_write_them(text, put):
+    if '","' in text.split("\n")[2]:
+        head, *body = text.strip().split("\n")
+        text = "\n".join([head, *(f'"{line}"' for line in body)])
+    is_whole(ul.read(put(text)))
+
+
+def test_commas_that_come_after_many_zeros_are_of_decimals(put):
+    body = "".join(f"{at - 301};0\n" for at in range(300)) + rows(DEPTH, FORCE, separator=";")
+    curve = ul.read(put("Weg (um);Kraft (nN)\n" + body.replace(".", ",")))
+    is_whole(curve.select(slice(300, None)))
+
+
+def test_a_last_row_that_is_cut_short_does_not_cost_the_time(put):
+    text = "depth (um),force (nN),time (s)\n" + rows(DEPTH, FORCE, TIME, separator=",")
+    with pytest.raises(ul.FileFormatError, match="may be cut short"):
+        ul.read(put(text + "3.1,20.9"))
+
+
+@pytest.mark.parametrize("said", ["0.06 N/m", "60 pN/nm", "60 mN/m", "0.06"])
+@pytest.mark.parametrize("name", ["Spring constant", "springConstant", "\\Spring Constant"])
+def test_the_unit_of_a_spring_constant_counts(said, name, put):
+    bending = 1e-3 * FORCE / STIFFNESS
+    text = f"# {name}: {said}\nz sensor (um);Deflection (um)\n"
+    text = text if said != "0.06" or name != "Spring constant" else text.replace("0.06", "0.06 N/m")
+    is_whole(ul.read(put(text + rows(DEPTH + bending, bending, separator=";", form="{:.9f}"))))
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def test_decimal_commas_in_quotes_are_decimals(separator, names, put):
 def test_a_comma_in_quotes_that_may_be_of_thousands_is_refused(put):
     rows = "\n".join(f'"{1000 + 10 * i:,}",{i}' for i in range(40))
     with pytest.raises(
-        ul.FileFormatError, match=r"'depth \(nm\)': the comma of '1,000' may be of a decimal or of"
+        ul.FileFormatError, match=r"'depth \(nm\)': the separator of '1,000' may be of a decimal or of"
     ):
         ul.read(put(f"depth (nm),force (uN)\n{rows}"))
 
@@ -196,7 +196,7 @@ def test_a_table_of_results_without_names_is_no_curve(head, spread, told, put):
 
 def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(put):
     """Continuous stiffness, with noise before the contact, a text that differs in every row, and 30 cycles."""
-    swing = np.abs((np.arange(600) / 10.0 + 1.0) % 2.0 - 1.0)
+    swing = DEPTH[-1] / 10.0 * np.abs(np.arange(600) / 10.0 % 2.0 - 1.0)
     depth = np.concatenate((np.linspace(-1.0, 0.0, 60), DEPTH / 10.0, swing))
     force = np.clip(depth, 0.0, None) ** 1.5 + 1e-3 * RNG.standard_normal(len(depth))
     rows = [

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 from underlay.data.curve import Curve, check_fittable
-from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.segments import HOLD, LEAST_BACK, LOADING, UNLOADING
 from underlay.errors import CurveError
 from underlay.units import format_quantity
 
-__all__ = ["SIGNIFICANT", "Approach", "Foot", "approach_of", "converter_noise", "foot_of"]
+__all__ = ["SIGNIFICANT", "Approach", "Foot", "approach_of", "converter_noise", "foot_of", "require_going_in"]
 
 #: A force this many standard deviations of noise above the baseline is a force.
 SIGNIFICANT = 3.0
@@ -39,11 +39,11 @@ _FOOT_POINTS = 24
 _SNAP, _SNAP_WITHIN, _SNAP_NOISE = 0.01, 50, 12.0
 # Readings in steps repeat this share of their values, on so many levels that are whole steps apart.
 _REPEATED, _FEWEST_LEVELS, _WHOLE = 0.25, 8, 0.05
-# The depth goes back over the upper half of the rise by this share of its range, and by more where the spring
-# constant is not known, over so many points; noise that two columns share is this part of their variance; a ratio
+# The depth goes back over the upper half of the rise by `LEAST_BACK`, and by more where the spring constant is not
+# known, over so many points; noise that two columns share is this part of their variance; a ratio
 # of bending to travel below the last is a calibration's own error. By a public curve on mica: 1.4 %, 20 points,
 # 0.95, 1.38.
-_BACK, _UNKNOWN, _FEWEST_RISING, _SHARED, _RIGHT = 0.005, 4.0, 5, 0.7, 1.05
+_UNKNOWN, _FEWEST_RISING, _SHARED, _RIGHT = 4.0, 5, 0.7, 1.05
 # No two sensitivities of one lever are as far apart as this, which is less than a step from unit to unit.
 _ANOTHER_UNIT = 30.0
 # Below this share of the peak nothing is seen in double precision curves without noise.
@@ -131,7 +131,7 @@ def foot_of(curve: Curve) -> Foot:
         If the curve cannot be fitted, or its force never rises out of the noise.
     """
     check_fittable(curve)
-    _refuse_going_back(curve)
+    require_going_in(curve)
     approach = approach_of(curve)
     x, force = approach.depth, approach.force
     line, noise, has_baseline = _baseline(x, force)
@@ -250,7 +250,7 @@ def converter_noise(force: FloatArray) -> float:
     return step / float(np.sqrt(12.0)) if off.max() < _WHOLE else 0.0
 
 
-def _refuse_going_back(curve: Curve) -> None:
+def require_going_in(curve: Curve) -> None:
     """Raise an error for a curve whose depth decreases while its force rises.
 
     The cantilever then seems to bend more than it is moved, as with a wrong sensitivity.
@@ -271,7 +271,7 @@ def _refuse_going_back(curve: Curve) -> None:
     part = slice(int(below[-1]), None)
     stiffness = curve.metadata.get("spring_constant") or _shared_stiffness(x, force)
     back = float(x[part][0] - x[-1])
-    least = _BACK * float(np.ptp(x)) * (1.0 if stiffness else _UNKNOWN)
+    least = LEAST_BACK * float(np.ptp(x)) * (1.0 if stiffness else _UNKNOWN)
     if back <= max(least, 2.0 * SIGNIFICANT * _sample_noise(x)):
         return
     # A depth with the wrong sign goes back all along, and the travel with it.

@@ -23,6 +23,7 @@ from underlay._arrays import FloatArray, median
 
 __all__ = [
     "HOLD",
+    "LEAST_BACK",
     "LOADING",
     "UNLOADING",
     "against_motion",
@@ -72,6 +73,8 @@ _REST = 0.05
 # A hold of a file in which depth and force rise by this share of their ranges is a ramp: the one that was met rose
 # by two thirds, and the creep of gels under a held force leaves the force where it was.
 _RAMP = 0.05
+#: A depth that goes back by less than this share of its range rests: by a public curve on mica, 1.4 % goes back.
+LEAST_BACK = 5e-3
 # More corners than any protocol has (two a cycle), and readings looked at for them, in two seconds; bounds the work
 # on a file of spikes.
 _MAX_PIECES, _LOOKED_AT = 10_000, 300_000_000
@@ -191,6 +194,7 @@ def segments_from_motion(
     if force is not None:
         _end_holds(labels, clock, force)
         _split_holds(labels, clock, measured, force)
+        _load_to_the_peak(labels, motion, force, max(_NOISE * noise, LEAST_BACK * extent))
     return labels
 
 
@@ -220,6 +224,19 @@ def _end_holds(labels: NDArray[np.str_], clock: FloatArray, force: FloatArray) -
         corner = first + int(above.argmax())
         if corner < turn and above.max() > _CHANGE * float(np.ptp(y)):
             labels[corner + 1 : turn] = UNLOADING
+
+
+def _load_to_the_peak(labels: NDArray[np.str_], motion: FloatArray, force: FloatArray, clear: float) -> None:
+    """Correct `labels` in place: a depth that goes back by more than `clear` while the force rises is loading too.
+
+    So it does over the upper half of the rise where a lever is said to bend more than it travels. A force with the
+    wrong sign rises to its peak out of contact, as high as at the start.
+    """
+    top = int(force.argmax())
+    before = np.flatnonzero(labels[:top] == LOADING)
+    below = np.flatnonzero(force[:top] <= 0.5 * (force[top] + force[0]))
+    if labels[top] != LOADING and before.size and below.size and motion[below[-1]] - motion[top] > clear:
+        labels[before[-1] : top + 1] = LOADING
 
 
 def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray, force: FloatArray) -> None:

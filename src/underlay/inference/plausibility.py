@@ -1,18 +1,22 @@
 """Refuses depth, force and scene that do not belong together, such as mistaken columns or units.
 
 Each refusal needs a mismatch that no material explains: deeper than the layer is thick, ten radii deep, a modulus
-ten times beyond its own bounds, or a force proportional to the depth from the first point on.
+ten times beyond its own bounds, a force proportional to the depth from the first point on, or a lever that bends
+more than it travels. Depths are the indentation also where a curve is fitted against the travel, which holds the
+deflection of a compliance in series.
 """
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from underlay.data.foot import approach_of, foot_of
+from underlay.data.foot import approach_of, foot_of, require_going_in
 from underlay.errors import CurveError, InputError
+from underlay.inference.model.compilation import IN_SERIES
 from underlay.mechanics.solvers import Auto
 from underlay.units import format_quantity, kind_of
 
@@ -23,8 +27,8 @@ if TYPE_CHECKING:
     from underlay.inference.problem import Problem
     from underlay.scene.scene import Scene
 
-# Depth over the radius of a ball from which a curve is refused: real laboratories indent to 1.4 radii; at ten no
-# law holds.
+# Depth over the radius of a ball from which a curve is refused: real laboratories indent to 1.4 radii, with sharp
+# tips to some; at ten no law holds.
 _RADII = 10.0
 # Lengths of a scene with which the depth is compared, the multiple of each from which it is refused, and words for
 # messages.
@@ -33,8 +37,14 @@ _SIZES = (("layer.thickness", 1.0, "thick"), ("indenter.radius", _RADII, "in rad
 # known to a factor of two, which is a factor of three in a force ~ depth^1.5.
 _BEYOND = 10.0
 _COARSE = Auto(1e-2)  # the law used for it: far more accurate than that factor
-# Ratio of a modulus to its starting value that indicates a mistaken unit.
-_FAR = 100.0
+# A mistaken unit is off by 1000, and so is the modulus if it is the unit of the force or of the spring constant; if
+# it is that of a ball's radius R, by 1000^0.5: the force on a half-space is ~ E R^0.5 depth^1.5. The ratio of a
+# modulus to its starting value, right to its size, is far from the geometric mean of right and mistaken on.
+_MISTAKEN = 1000.0
+_FAR, _FAR_BY_RADIUS = _MISTAKEN**0.5, _MISTAKEN**0.25
+# The ratio by a radius counts where the depth is as many radii as a mistaken one makes of the least depth of real
+# tests, 0.001 radii (of hard samples), and of the largest.
+_DEEP, _SHALLOW = 1e-3 * _MISTAKEN, _RADII / _MISTAKEN
 # Residual of a straight line through all points, as a share of the force, below which it is that of a spring: a
 # contact leaves 3 % and more.
 _STRAIGHT = 1e-3
@@ -57,18 +67,33 @@ def require_plausible(problem: Problem) -> None:
 
 
 def require_travel(problem: Problem) -> None:
-    """Raise CurveError where the depth of a curve is the deflection of a spring.
+    """Raise CurveError where the depth of a curve is the deflection of a spring, or where its lever bends too far.
 
     A fit of such a curve may end inside its bounds.
 
     Raises
     ------
     CurveError
-        With the stiffness of that spring.
+        With the stiffness of that spring, or by how much the lever bends more than it travels.
     """
     for member in problem.members:
+        # A lever of the scene may have its sensitivity fitted, and a compliance that a person states is of a frame.
+        in_series = member.curve.metadata.get(IN_SERIES, False)
+        if member.scene.lever is None and (in_series or member.scene.instrument.compliance == 0.0):
+            require_going_in(_indentation(member.scene, member.curve))
         if not member.scene.indenter.has_edge:
             _refuse_deflection(member.curve)
+
+
+def _indentation(scene: Scene, curve: Curve) -> Curve:
+    """Return the curve with the deflection of a compliance in series taken off its depth.
+
+    Readings of depth before contact change by one number (m), which no difference of two depths holds.
+    """
+    compliance = scene.instrument.compliance
+    if compliance == 0.0:
+        return curve
+    return replace(curve, depth=curve.depth - compliance * curve.force)
 
 
 def in_doubt(found: Fit) -> bool:
@@ -78,7 +103,8 @@ def in_doubt(found: Fit) -> bool:
     physical = found.problem.physical(found.vector)
     for member in found.problem.members:
         values = member.values_at(physical)
-        pressed = float(member.curve.depth.max()) - values["instrument.contact_depth"]
+        in_series = values["instrument.compliance"] * float(np.ptp(member.curve.force))
+        pressed = float(member.curve.depth.max()) - values["instrument.contact_depth"] - in_series
         if any(pressed > times * values.get(path, np.inf) for path, times, _ in _SIZES):
             return True
     return False
@@ -98,7 +124,7 @@ def require_sizes(problem: Problem) -> None:
 
 
 def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
-    """A note where the force differs from that of the starting modulus by a factor of 100, as by a wrong unit.
+    """A note where the modulus is as far from its starting value as a wrong unit of force or radius makes it.
 
     Parameters
     ----------
@@ -108,47 +134,65 @@ def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
         The points that are fitted.
     """
     try:
-        foot = foot_of(curve)
-        pressed = float(foot.depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
-        pressed = max(
-            pressed, float(approach_of(curve).depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
-        )
+        pressed, peak = _pressed(scene, curve)
         ratio = (
-            foot.peak / float(scene.contact_law(pressed, solver=_COARSE).force(pressed))
-            if pressed > 0.0
-            else 1.0
+            peak / float(scene.contact_law(pressed, solver=_COARSE).force(pressed)) if pressed > 0.0 else 1.0
         )
     except (CurveError, InputError):  # the fit reports the error
         return ()
-    if not np.isfinite(ratio) or 1.0 / _FAR < ratio < _FAR:
+    if not (np.isfinite(ratio) and ratio > 0.0):
         return ()
-    units = [unit for unit in (curve.metadata.get("units") or {}).values() if kind_of(str(unit)) == "force"]
-    ladder = ("pN", "nN", "uN", "mN", "N", "kN")
-    asked = "its unit"
-    if units and (written := str(units[0]).replace("µ", "u")) in ladder:
-        asked = ladder[min(max(ladder.index(written) + (-1 if ratio > 1.0 else 1), 0), len(ladder) - 1)]
     E = format_quantity(scene.parameters["layer.E"], "pressure")
     times = f"{ratio:.2g}" if ratio < 1.0 else f"{float(f'{ratio:.2g}'):.0f}"
-    note = (
-        f"the modulus is about {times} times the {E} you began with: is the force in {asked}, and are the spring "
-        "constant and the radius in the units that are written?"
+    found = f"the modulus is about {times} times the {E} you began with"
+    if not 1.0 / _FAR < ratio < _FAR:
+        unit = _other_unit(curve, ratio)
+        asked = "and are the depth, the spring constant and the radius in the units that are written?"
+        return (f"{found}: is the force in {unit}, {asked}",)
+    radius = scene.parameters.get("indenter.radius", np.inf)
+    share = pressed / radius
+    large = ratio < 1.0 / _FAR_BY_RADIUS and 0.0 < share < _SHALLOW
+    small = ratio > _FAR_BY_RADIUS and share > _DEEP
+    if not (large or small):
+        return ()
+    written, other = (
+        format_quantity(length, "length")
+        for length in (radius, radius / _MISTAKEN if large else radius * _MISTAKEN)
     )
-    return (note,)
+    return (f"{found}, at a depth of {share:.2g} times the radius of {written}: is the radius {other}?",)
+
+
+def _other_unit(curve: Curve, ratio: float) -> str:
+    """The unit of force beside the one that the file says, for a modulus that is `ratio` times too large."""
+    ladder = ("pN", "nN", "uN", "mN", "N", "kN")
+    units = [unit for unit in (curve.metadata.get("units") or {}).values() if kind_of(str(unit)) == "force"]
+    if units and (written := str(units[0]).replace("µ", "u")) in ladder:
+        return ladder[min(max(ladder.index(written) + (-1 if ratio > 1.0 else 1), 0), len(ladder) - 1)]
+    return "its unit"
+
+
+def _pressed(scene: Scene, curve: Curve) -> tuple[float, float]:
+    """Depth since contact (m) and force above the baseline (N) of the deepest loading point.
+
+    Raises
+    ------
+    CurveError
+        Where there is no contact.
+    """
+    curve = _indentation(scene, curve)
+    foot = foot_of(curve)
+    deepest = max(float(foot.depth[-1]), float(approach_of(curve).depth[-1]))
+    return deepest - float(foot.depth[min(foot.rise, len(foot.depth) - 1)]), foot.peak
 
 
 def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None:
     try:
-        foot = foot_of(curve)
-    except CurveError:  # no contact: other checks report it in more detail
+        pressed, peak = _pressed(scene, curve)
+    except CurveError:  # no contact: `check_quality` says it in more detail, `require_travel` what goes back
         return
-    pressed = float(foot.depth[-1] - foot.depth[foot.rise]) if foot.rise < len(foot.depth) else 0.0
-    pressed = max(
-        pressed, float(approach_of(curve).depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
-    )
-    if not pressed > 0.0:
-        return
-    _refuse_too_deep(scene, pressed, priors)
-    _refuse_beyond_bounds(scene, pressed, foot.peak, priors)
+    if pressed > 0.0:
+        _refuse_too_deep(scene, pressed, priors)
+        _refuse_beyond_bounds(scene, pressed, peak, priors)
 
 
 def _refuse_deflection(curve: Curve) -> None:

@@ -37,7 +37,7 @@ from underlay.data.readers._format import (
 )
 from underlay.data.readers._hdf5 import Hdf5MapCurve, KeptOpen, curves_of_hdf5
 from underlay.data.readers._lever import Calibration
-from underlay.data.readers._source import Source, load, unpack
+from underlay.data.readers._source import LISTED, Source, load, unpack
 from underlay.data.readers.jpk import JpkMapCurve, curves_of_jpk_map
 from underlay.errors import CurveError, InputError
 from underlay.plugins import faults
@@ -72,7 +72,6 @@ FORMATS: tuple[Format, ...] = (
 MapCurve: TypeAlias = JpkMapCurve | Hdf5MapCurve
 
 _Test = TypeVar("_Test")
-_LISTED = 12
 
 
 def all_formats() -> tuple[Format, ...]:
@@ -250,7 +249,7 @@ class _Asked:
         """Add file, hash, format, calibration uncertainties and, if unset, the number to a curve's metadata."""
         return curve.with_metadata(
             **({} if number is None or "test" in curve.metadata else {"test": number}),
-            **self.known.metadata,
+            **{f"{name}_uncertainty": share for name, share in self.known.uncertainties.items()},
             name=curve.metadata.get("name") or printable(source.path.stem),
             path=str(source.path),
             member=source.member or None,
@@ -301,5 +300,5 @@ def _listing(curves: list[Curve]) -> str:
         f"{number}: {curve.metadata.get('name')}, {len(curve)} points"
         for number, curve in enumerate(curves, 1)
     ]
-    more = f"; and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return f"{curves[0].metadata.get('path')} holds {len(curves)} tests ({'; '.join(names[:_LISTED])}{more})"
+    more = f"; and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return f"{curves[0].metadata.get('path')} holds {len(curves)} tests ({'; '.join(names[:LISTED])}{more})"

@@ -3,7 +3,8 @@
 The names that are known (`KNOWN`) are those of instruments and spreadsheets in English, German, French,
 Spanish and Italian, compared in small letters without accents.
 
-What a column mapping of the caller says is read by a small grammar and never evaluated as Python::
+What a column mapping of the caller says is read by a small grammar, of which Python's parser makes the tree; it is
+never evaluated as Python::
 
     sum     = product { ("+" | "-") product }
     product = factor { ("*" | "/") factor }
@@ -16,6 +17,7 @@ metre, newton, second, volt and ampere: what comes out must be a length, a force
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,9 +46,9 @@ _CALLED = re.compile(r"(?:column|col\.?|spalte|#)?\s*#?\s*(\d{1,3})\b[\s,:_/]*(.
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 _UNIT = re.compile(r"\s*([^\W\d_]+(?:\^-?\d)?(?:/[^\W\d_]+(?:\^-?\d)?)?)")
 _LATER_UNIT = re.compile(r"\s*[(\[{]([^()\[\]{}]{1,20})[)\]}]")
-_RANK = {"+": 0, "-": 0, "*": 1, "/": 1}
+_SIGNS: Mapping[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 # A mapping is a line somebody typed; nested calls stay far from Python's limit.
-_LONGEST, _DEEPEST = 400, 20
+_LONGEST, _DEEPEST = 400, 100
 
 Dims: TypeAlias = tuple[int, ...]
 #: Exponents of metre, newton, second, volt and ampere of each kind of quantity that a column may hold.
@@ -179,7 +181,9 @@ def check_mapping(mapping: Mapping[str, str | int] | None) -> None:
 def name_of(label: str) -> str:
     """Name of a column for comparison: without its unit, in small letters, no accents, blanks for underscores."""
     name, unit = split_label(label)
-    return " ".join(re.sub(r"[_()\[\]<>-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split())
+    return " ".join(
+        re.sub(r"[_()\[\]<>:=-]+", " ", plain(label if unit.lower() in _REMARKS else name)).split()
+    )
 
 
 def bare_name(name: str) -> str:
@@ -308,9 +312,7 @@ def parse_column(text: str, labels: Sequence[str]) -> Asked | None:
         return Asked((Column(index, unit),), turned) if 0 <= index < len(labels) else None
     if not re.search(r"[-+*/]", bare):
         return None
-    parser = _Parser(stripped, labels)
-    node = parser.whole()
-    return None if node is None or not parser.columns else Asked(tuple(parser.columns), node=node)
+    return _expression(stripped, labels)
 
 
 def _named(text: str, labels: Sequence[str]) -> int | None:
@@ -323,121 +325,96 @@ def _named(text: str, labels: Sequence[str]) -> int | None:
     return None
 
 
-class _Parser:
-    """Recursive-descent parser of one entry of a column mapping (grammar at the head of this module).
+def _expression(text: str, labels: Sequence[str]) -> Asked | None:
+    """Parse a sum or product of columns; None if a name in it is not one of the table.
 
-    A method that returns None means that a name in the text is not a column of the table.
+    Names and numbers with units are found first, since they hold blanks and signs. What remains are signs and
+    brackets about them, of which Python's own parser makes a tree.
     """
-
-    def __init__(self, text: str, labels: Sequence[str]) -> None:
-        self.text, self.at, self.deep, self.count, self.columns = text, 0, 0, len(labels), list[Column]()
-        forms = (
-            plain,
-            lambda label: plain(split_label(label)[0]),
-            name_of,
-            lambda one: bare_name(name_of(one)),
-        )
-        names = [(of(label), index) for of in forms for index, label in enumerate(labels)]
-        # The longest first: a name may hold another, or a sign.
-        self.names = sorted((pair for pair in names if pair[0]), key=lambda pair: -len(pair[0]))
-
-    def whole(self) -> _Node | None:
-        node = self._sum()
-        if node is not None and self._next():
-            raise self._refused("what stands there")
-        return node
-
-    def _sum(self, least: int = 0) -> _Node | None:
-        """Read factors that are joined by signs of rank `least` or higher, as far as there are any."""
-        node = self._factor()
-        while node is not None and (sign := self._next()) and _RANK.get(sign, -1) >= least:
-            self.at += 1
-            right = self._sum(_RANK[sign] + 1)
-            node = None if right is None else _joined(sign, node, right)
-        return node
-
-    def _factor(self) -> _Node | None:
-        self.deep += 1
-        if self.deep > _DEEPEST:
-            raise self._refused("so many brackets and signs")
-        letter = self._next()
-        if letter and letter in "-(":
-            self.at += 1
-            node = self._factor() if letter == "-" else self._sum()
-            if node is not None and letter == "-":
-                node = _joined("*", _constant(-1.0, "dimensionless"), node)
-            elif node is not None:
-                if self._next() != ")":
-                    raise self._refused("a bracket without its end")
-                self.at += 1
-        else:
-            node = self._column() or self._number()
-        self.deep -= 1
-        return node
-
-    def _column(self) -> _Node | None:
-        self._next()
-        rest = plain(self.text[self.at :]) if self.text.isascii() else self.text[self.at :].lower()
-        found = next(
-            (one for one in self.names if rest.startswith(one[0]) and _ends(rest, len(one[0]))), None
-        )
+    forms = (plain, lambda label: plain(split_label(label)[0]), name_of, lambda one: bare_name(name_of(one)))
+    pairs = [(of(label), index) for of in forms for index, label in enumerate(labels)]
+    # The longest first: a name may hold another, or a sign.
+    names = sorted((pair for pair in pairs if pair[0]), key=lambda pair: -len(pair[0]))
+    leaves: list[Column | _Part] = []
+    code, at = "", 0
+    while at < len(text):
+        rest = plain(text[at:]) if text.isascii() else text[at:].lower()
+        if text[at].isspace() or text[at] in "+-*/()":
+            code, at = code + (text[at].strip() or " "), at + 1
+            continue
+        found = next((one for one in names if rest.startswith(one[0]) and _ends(rest, len(one[0]))), None)
         if found is not None:
-            index = found[1]
-            self.at += len(found[0])
+            index, at = found[1], at + len(found[0])
         elif numbered := re.match(r"#\s*(\d{1,3})", rest):
-            index = int(numbered[1]) - 1
-            if not 0 <= index < self.count:
-                raise self._refused(f"column {index + 1} of {self.count}")
-            self.at += numbered.end()
+            index, at = int(numbered[1]) - 1, at + numbered.end()
+            if not 0 <= index < len(labels):
+                raise _refused(text, f"column {index + 1} of {len(labels)}")
+        elif number := _NUMBER.match(text, at):
+            value, kind, at = _quantity(text, number)
+            leaves.append(_Part(value, _DIMS[kind]))
+            code += f" x{len(leaves) - 1} "
+            continue
         else:
             return None
-        column = Column(index, self._later_unit())
-        self.columns.append(column)
-        return lambda leaf, _: leaf(column)
+        unit = _LATER_UNIT.match(text, at)
+        if unit is not None and kind_named(unit_named(unit[1])) is not None:
+            at = unit.end()
+            leaves.append(Column(index, unit_named(unit[1])))
+        else:
+            leaves.append(Column(index))
+        code += f" x{len(leaves) - 1} "
+    try:
+        flat = code.count("(") + code.count("-") < _DEEPEST
+        node = _node(ast.parse(code.strip(), mode="eval").body, leaves) if flat else None
+    except SyntaxError:
+        node = None
+    if node is None:
+        raise _refused(text, "its signs or brackets")
+    columns = tuple(leaf for leaf in leaves if isinstance(leaf, Column))
+    return Asked(columns, node=node) if columns else None
 
-    def _later_unit(self) -> str:
-        matched = _LATER_UNIT.match(self.text, self.at)
-        if matched is None or kind_named(unit_named(matched[1])) is None:
-            return ""
-        self.at = matched.end()
-        return unit_named(matched[1])
 
-    def _number(self) -> _Node | None:
-        matched = _NUMBER.match(self.text, self.at)
-        if matched is None:
-            return None
-        self.at = matched.end()
-        unit = _UNIT.match(self.text, self.at)
-        if unit is None:
-            return _constant(float(matched[0]), "dimensionless")
-        for text in (unit[1], unit[1].partition("/")[0]):
-            kind = kind_named(unit_named(text))
-            if kind in _DIMS:
-                self.at = unit.start(1) + len(text)
-                return _constant(float(matched[0]) * unit_factor(unit_named(text), kind), kind)
-        raise self._refused(f"the unit {unit[1]!r:.40}")
+def _node(tree: ast.expr, leaves: Sequence[Column | _Part]) -> _Node | None:
+    """Evaluates a tree of ``+ - * /`` over leaves ``x0``, ``x1``, ...; None if it holds anything else."""
+    if isinstance(tree, ast.Name):
+        leaf = leaves[int(tree.id[1:])]
+        return lambda value, _: value(leaf) if isinstance(leaf, Column) else leaf
+    left: _Node | None
+    if isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.USub):
+        sign, left, right = "*", _minus, _node(tree.operand, leaves)
+    elif isinstance(tree, ast.BinOp) and type(tree.op) in _SIGNS:
+        sign, left, right = _SIGNS[type(tree.op)], _node(tree.left, leaves), _node(tree.right, leaves)
+    else:
+        return None
+    if left is None or right is None:
+        return None
+    return lambda value, what: left(value, what).joined(sign, right(value, what), what)
 
-    def _next(self) -> str:
-        while self.at < len(self.text) and self.text[self.at].isspace():
-            self.at += 1
-        return self.text[self.at : self.at + 1]
 
-    def _refused(self, what: str) -> InputError:
-        return InputError(
-            f"columns: {self.text!r:.120} is not understood at letter {self.at + 1}: {what}; write names of "
-            "columns and numbers with units, joined by + - * / and brackets, as 'ramp - deflection' or "
-            "'volts * 41 nm/V * 0.06 N/m'"
-        )
+def _minus(*_: object) -> _Part:
+    return _Part(-1.0, _DIMS["dimensionless"])
+
+
+def _quantity(text: str, number: re.Match[str]) -> tuple[float, str, int]:
+    """A number with its unit, if it has one: its value in SI, its kind, and where it ends in the text."""
+    unit = _UNIT.match(text, number.end())
+    if unit is None:
+        return float(number[0]), "dimensionless", number.end()
+    for symbol in (unit[1], unit[1].partition("/")[0]):
+        kind = kind_named(unit_named(symbol))
+        if kind in _DIMS:
+            value = float(number[0]) * unit_factor(unit_named(symbol), kind)
+            return value, kind, unit.start(1) + len(symbol)
+    raise _refused(text, f"the unit {unit[1]!r:.40}")
+
+
+def _refused(text: str, what: str) -> InputError:
+    return InputError(
+        f"columns: {text!r:.120} is not understood: {what}; write names of columns and numbers with units, joined "
+        "by + - * / and brackets, as 'ramp - deflection' or 'volts * 41 nm/V * 0.06 N/m'"
+    )
 
 
 def _ends(text: str, at: int) -> bool:
     """Whether a word ends before position `at` of a text: no letter, digit or underscore stands there."""
     return not (text[at : at + 1].isalnum() or text[at : at + 1] == "_")
-
-
-def _joined(sign: str, left: _Node, right: _Node) -> _Node:
-    return lambda leaf, what: left(leaf, what).joined(sign, right(leaf, what), what)
-
-
-def _constant(value: float, kind: str) -> _Node:
-    return lambda *_: _Part(value, _DIMS[kind])

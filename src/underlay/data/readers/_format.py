@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import HEAD, LISTED, Source
 from underlay.data.readers._text import (
     SAID,
     Lines,
@@ -48,8 +48,9 @@ from underlay.errors import (
 from underlay.plugins import READERS, Plugin, plugins
 from underlay.units import parse_quantity, unit_factor
 
-# Rows left out that are named, and how much of a text tells its format.
-_LISTED, _HEAD = 5, 65_536
+#: Two columns that describe one thing, as load and deflection or travel and gap, agree to this share of their
+#: range, by the digits that are written.
+CLOSURE = 1e-3
 # "Model: Hertz", "SMDuration (s) 0.0", "ErHz= 830.29 kPa": a key ends in a colon, an equals sign or a bracket.
 _KEY_VALUE = re.compile(r"(.+?(?:\)|:|=))\s*(.*)")
 
@@ -121,7 +122,7 @@ def declared(
     def known(source: Source) -> bool:
         if begins:
             return source.data.startswith(begins)
-        return all(text in source.head(_HEAD) for text in said["holds"])
+        return all(text in source.head(HEAD) for text in said["holds"])
 
     takes = {f"takes_{what}": True for what in said.get("takes", ())}
     return Format(
@@ -171,8 +172,8 @@ def make_curve(
         raise CurveError(f"{source.name}: no point has both a depth and a force")
     notes = tuple(metadata.pop("notes", ()))
     if left_out:
-        rows = ", ".join(map(str, np.flatnonzero(~valid)[:_LISTED] + 1)) + (
-            ", ..." if left_out > _LISTED else ""
+        rows = ", ".join(map(str, np.flatnonzero(~valid)[:LISTED] + 1)) + (
+            ", ..." if left_out > LISTED else ""
         )
         note = (
             f"{left_out} of {len(valid)} points left out: empty cell, NaN or sentinel value "
@@ -235,8 +236,8 @@ def with_note(curves: list[Curve], notes: Sequence[str]) -> list[Curve]:
     """Add notes on what was left out of a file to the metadata of its first curve; return all its curves."""
     if not (notes and curves):
         return curves
-    more = (f"and {len(notes) - _LISTED} more parts",) if len(notes) > _LISTED else ()
-    first = curves[0].with_metadata(notes=(*curves[0].metadata["notes"], *notes[:_LISTED], *more))
+    more = (f"and {len(notes) - LISTED} more parts",) if len(notes) > LISTED else ()
+    first = curves[0].with_metadata(notes=(*curves[0].metadata["notes"], *notes[:LISTED], *more))
     return [first, *curves[1:]]
 
 

@@ -24,8 +24,8 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._source import Source, curve_name
-from underlay.errors import InputError, UnitError
-from underlay.units import parse_quantity
+from underlay.errors import InputError
+from underlay.units import kind_of, parse_quantity
 
 # What may be given, and the kinds of quantity it may be: detectors give a voltage or a current.
 _KINDS = {"spring_constant": ("stiffness",), "sensitivity": ("sensitivity", "current sensitivity")}
@@ -88,27 +88,14 @@ class Calibration:
                 uncertainties[name] = _share(name, number, str(spread[0]))
         return cls(values, uncertainties)
 
-    @property
-    def metadata(self) -> dict[str, float]:
-        """The uncertainties by their names in a curve's metadata, such as ``spring_constant_uncertainty``."""
-        return {f"{name}_uncertainty": share for name, share in self.uncertainties.items()}
-
 
 def _value(name: str, number: str | float) -> tuple[str, float]:
-    first, *others = _KINDS[name]
-    kind = next((kind for kind in others if _is_unit_of(number, kind)), first)
+    unit = kind_of(str(number).strip().lstrip("+-.0123456789eE").strip())
+    kind = unit if unit in _KINDS[name] else _KINDS[name][0]
     value = parse_quantity(number, kind)
     if value <= 0.0:
         raise InputError(f"calibration {name!r} must be positive; got {number!r}")
     return kind, value
-
-
-def _is_unit_of(number: str | float, kind: str) -> bool:
-    try:
-        parse_quantity(number, kind)
-    except UnitError:
-        return False
-    return True
 
 
 def _share(name: str, number: str | float, spread: str) -> float:

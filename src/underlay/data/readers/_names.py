@@ -2,13 +2,14 @@
 
 A file may begin with pages of settings, a table of results or comments. `layout_of` finds the first long run
 of rows of numbers; `find_names` then looks for as many names in the rows above it, else in the comments. Tests may
-stand side by side (`side_by_side`), and so may approach and way back (`sides_of`).
+stand side by side (`side_by_side`), and so may approach and way back, of which one may stand alone (`sides_of`).
 """
 
 from __future__ import annotations
 
 import re
 import shlex
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple, TypeAlias
@@ -23,6 +24,7 @@ from underlay.data.readers._text import (
     kind_named,
     plain,
     split_label,
+    unit_named,
     without_brackets,
     words,
 )
@@ -34,16 +36,18 @@ Asked: TypeAlias = Mapping[str, str | int] | None
 # How far down a table may begin (the head of a NanoScope export has 658 lines), how many rows in a run are one for
 # certain, and how far above them the names may stand.
 _MAX_HEAD, _CERTAIN, _MAX_PREAMBLE = 4000, 24, 80
+# Rows of units stand as near the numbers.
+_UNITS_ABOVE = 3
 # Letters of a unit that is not among the usual ones, such as "1/s" or "mm/min".
 _LONGEST_UNIT = 8
 # What may stand in front of the names, in place of one, and in front of their units.
 _LABELS, _UNITS = words("labels"), words("units")
 # "\\Spring Constant: 0.06", "springConstant: 0.06": N/m in every file seen; "DeflSens: V 41.0 nm/V".
 _SPRING = re.compile(
-    r"\\?spring\s?constant[^:=\d]{0,12}[:=]\s*([\d.]+(?:e[+-]?\d+)?)\s*(?:N/m)?\W*", re.IGNORECASE
+    r"\\?spring\s?constant[^:=\d]{0,12}[:=]\s*([\d.]+(?:e[+-]?\d+)?)\s*(\w+/\w+)?", re.IGNORECASE
 )
 _SENSITIVITY = re.compile(
-    r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]m/V|m/V)",
+    r"(?:defl\w*\.?\s?sens\w*|invols|sensitivity)[^\d\n]{0,12}([\d.]+(?:e[+-]?\d+)?)\s*([num]?m/V|$)",
     re.IGNORECASE,
 )
 # AFM Workshop: nN/nm is N/m, mV/nm an inverse sensitivity; a 1 is written where nothing was calibrated.
@@ -51,7 +55,8 @@ _WORKSHOP = re.compile(r"(Force Constant, nN/nm|Light Lever Gain, mV/nm):\s*([\d
 _UNSET = (0.0, 1.0)
 # "Column 1: time (s)", one a line; "1: time 2: depth", "[1] time [2] depth".
 _ONE_A_LINE = re.compile(
-    r"\W*(?:column|col\.?|spalte|colonne|columna)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)", re.IGNORECASE
+    r"\W*(?:column|col\.?|spalte|colonne|columna|channel|kanal)?\s*#?(\d{1,3})\s*[\]:.)=]\s*(\D.*)",
+    re.IGNORECASE,
 )
 _NUMBERED, _COUNT = re.compile(r"\W*1[\]:.)]\s*[^\W\d]"), re.compile(r"\[?\b\d{1,3}[\]:.)]\s*(?=[^\W\d])")
 # Tests side by side, as Anton Paar writes them: "X_gel_1_Time_[s]", "Y_gel_1_Fn_[mN]"; and waves of Asylum's Igor
@@ -62,6 +67,11 @@ _SIDE_BY_SIDE = (
         r"(?P<test>.*?)_?(?P<name>DeflVolts|DeflV|Defl|Raw|ZSnsr|LVDT|Force|Sep|Ind)"
         r"(?:[_ ]*[\[(]?(?P<unit>[num]?m|[pnum]?N|m?V)[\])]?)?"
     ),
+)
+# "depth 1", "Force_B"; pandas counts a name that it met before: "depth (um).1".
+_COUNTED, _PANDAS = (
+    re.compile(r"(.*?[^\W\d])[\s._#-]*(\d{1,3}|(?<=[\s._#-])[A-H])"),
+    re.compile(r"(.*\S)\.(\d{1,3})"),
 )
 # What a test needs to be one.
 _COMPLETE = [{"Fn", "Pd"}] + [
@@ -95,19 +105,36 @@ def side_by_side(labels: Sequence[str], file: str = "") -> Sequence[tuple[str, l
         ]
         if tests:
             return tests
-    # The same names over and over, as testing machines write several specimens.
-    filled = [index for index, label in enumerate(labels) if label.strip()]
-    names = [labels[index].strip() for index in filled]
-    for width in range(2, len(names) // 2 + 1):
-        block = names[:width]
-        if (
-            len(names) % width == 0
-            and names == block * (len(names) // width)
-            and _serves_by_name(block, None)
-        ):
-            starts = range(0, len(names), width)
-            return [(f"{file}, test {at // width + 1}", filled[at : at + width], block) for at in starts]
-    return []
+    return _repeated(labels, file)
+
+
+def _repeated(labels: Sequence[str], file: str) -> Sequence[tuple[str, list[int], list[str]]]:
+    """Find tests side by side whose columns have the same names, up to a number or letter at their ends.
+
+    So testing machines and spreadsheets write several specimens. A column of time that stands alone is that of all.
+    """
+    seen: list[tuple[str, str]] = []
+    for label in map(str.strip, labels):
+        name, unit = split_label(label)
+        matched = _PANDAS.fullmatch(label) or _COUNTED.fullmatch(name)
+        base, mark = matched.groups() if matched else (label, "")
+        seen.append((f"{base} ({unit})" if matched and unit and "(" not in base else base, mark))
+    count, before = Counter(base for base, _ in seen), Counter[tuple[str, str]]()
+    tests: dict[tuple[str, int], list[tuple[int, str]]] = {}
+    for index, (base, mark) in enumerate(seen):
+        if base and count[base] > 1:  # by its mark, or as the same name once more
+            tests.setdefault((mark, before[base, mark]), []).append((index, base))
+            before[base, mark] += 1
+    names = [sorted(base for _, base in test) for test in tests.values()]
+    if len(tests) < 2 or any(one != names[0] for one in names) or not _serves_by_name(names[0], None):
+        return []
+    alone = [
+        (at, base) for at, (base, _) in enumerate(seen) if count[base] == 1 and "time" in find_columns([base])
+    ]
+    return [
+        (f"{file}, test {number}", [at for at, _ in columns], [base for _, base in columns])
+        for number, columns in enumerate((alone + test for test in tests.values()), start=1)
+    ]
 
 
 def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]:
@@ -126,7 +153,9 @@ def sides_of(labels: Sequence[str]) -> Mapping[str, tuple[list[int], list[str]]]
             indices.append(index)
             names.append(joint.join(word for word in words if word != directions[0]))
     there, back = found[LOADING][1], found[UNLOADING][1]
-    return found if len(there) >= 2 and sorted(there) == sorted(back) else {}
+    # One way alone has its word in every name.
+    both = sorted(there) == sorted(back) or len(there) == len(list(filter(str.strip, labels)))
+    return {side: way for side, way in found.items() if way[0]} if len(there) >= 2 and both else {}
 
 
 class Layout(NamedTuple):
@@ -303,7 +332,7 @@ def _unlabelled(names: list[str], layout: Layout) -> list[str]:
     while names and not names[-1] and len(names) > layout.cells:
         names = names[:-1]
     first = names[0] if names else ""
-    label = first.endswith(":") or plain(first).strip(" :=") in _LABELS
+    label = first.endswith(":") or plain(first).strip(" :=") in _LABELS or not (first or layout.fits(names))
     if not label or len(names) <= layout.numbers:
         return names
     return names[2:] if len(names) > 1 and names[1] in {"=", ":"} else names[1:]
@@ -365,13 +394,35 @@ def stated_lever(lines: Sequence[str]) -> dict[str, float]:
         for kind, pattern in (("stiffness", _SPRING), ("sensitivity", _SENSITIVITY)):
             stated = pattern.search(line)
             if stated and is_number(stated[1]) and float(stated[1]) > 0.0:
-                unit = 1.0 if kind == "stiffness" else unit_factor(stated[2], kind)
-                found.setdefault(kind, float(stated[1]) * unit)
+                # Where no unit is written, as by JPK, it is N/m or m/V.
+                unit = stated[2] or {"stiffness": "N/m"}.get(kind, "m/V")
+                found.setdefault(kind, float(stated[1]) * unit_factor(unit, kind))
         stated = _WORKSHOP.fullmatch(line)
         if stated and is_number(stated[2]) and (value := float(stated[2])) not in _UNSET:
             gain = stated[1].startswith("Light")
             found["sensitivity" if gain else "stiffness"] = 1e-6 / value if gain else value
     return found
+
+
+def units_above(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Units of the columns, from a row of them among the last above the numbers; [] where there is none.
+
+    Below it, Origin writes a row of comments.
+    """
+    return next((list(cells) for cells in reversed(rows[-_UNITS_ABOVE:]) if is_unit_row(cells)), [])
+
+
+def is_same_unit_row(source: Source, cells: Sequence[str], units: Sequence[str]) -> bool:
+    """Whether a row among the readings is one of units; FileFormatError where they are not the `units` of above."""
+    if not is_unit_row(cells):
+        return False
+    said, before = ([unit_named(without_brackets(cell)) for cell in row] for row in (cells, units))
+    source.require(
+        not units or said[: len(before)] == before[: len(said)],
+        f"says other units further down ({names_there(said)}) than above ({names_there(before)}); save each part "
+        "as a file of its own",
+    )
+    return True
 
 
 def is_unit_row(cells: Sequence[str]) -> bool:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 from underlay._text import names_there
-from underlay.data.readers._source import Source
+from underlay.data.curve import MIN_POINTS
+from underlay.data.readers._source import SHOWN, Source
 from underlay.data.readers._text import bare_cell, is_number, kind_named, split_label, words
 
 _STATISTICS, _OF_A_TEST, _NUMBERED = words("statistics"), words("of_a_test"), words("numbered")
@@ -28,17 +29,16 @@ _CLOCK = re.compile(
     re.IGNORECASE,
 )
 _WITH_UNIT = re.compile(r"[+-]?[\d.,]+(?:e[+-]?\d+)?\s*[^\d\s_]{1,6}", re.IGNORECASE)
-_RESULTS_LONGEST = 200
-_FEWEST, _LOOKED_AT = 3, 200
+_FEWEST = 3
 # A motion that passes over its range as often as a third of its rows allows leaps; one of many cycles has a dozen
 # readings a way.
-_LEAPS, _SHORTEST = 6.0, 8
+_LEAPS = 6.0
 # Forces that differ by less are those of one load of many tests.
 _SAME = 0.02
-# A test has so many readings, and goes in by this share of the depths of all; a depth that goes on does not leap by
+# A test goes in by this share of the depths of all; a depth that goes on does not leap by
 # as much between two readings. The published tables in which this was met (public AFM and Instron exports) have 60
 # readings a test and more.
-_FEWEST_OF_A_TEST, _WAY = 8, 0.3
+_WAY = 0.3
 # Where rows mark it, a leap is one of this many steps.
 _STEPS, _SMALL = 10.0, 0.1
 # Blank rows between all rows mark nothing.
@@ -105,7 +105,7 @@ def require_readings(
     FileFormatError
         If its rows are tests and not readings.
     """
-    some = rows[:_LOOKED_AT]
+    some = rows[:SHOWN]
     why = (
         _names_of_tests(labels, some)
         or _words_of_tests(labels)
@@ -132,7 +132,7 @@ def _names_of_tests(labels: Sequence[str], rows: Sequence[Sequence[str]]) -> str
 
 def _is_name(cell: str) -> bool:
     text = bare_cell(cell)
-    sound = text and len(text) <= _RESULTS_LONGEST and not is_number(text)
+    sound = text and len(text) <= SHOWN and not is_number(text)
     return bool(sound) and _CLOCK.fullmatch(text) is None and _WITH_UNIT.fullmatch(text) is None
 
 
@@ -167,18 +167,16 @@ def _side_by_side_moduli(
             numbers = [row[index].strip() for row in rows if index < len(row)]
             if len(numbers) >= _FEWEST and len(set(numbers)) == len(numbers):
                 return f"{there} the column {label.strip()!r:.80} numbers its rows"
-    if not _leaping(depth):
-        return ""
-    if _leaping(force):
+    if _leaping(depth) and _leaping(force):
         return f"{there} its depths and forces leap from row to row"
-    same = np.ptp(force) <= _SAME * np.abs(np.median(force))
+    same = _leaping(depth) and np.ptp(force) <= _SAME * np.abs(np.median(force))
     return f"{there} its depths leap from row to row while its forces are all the same" if same else ""
 
 
 def _leaping(values: FloatArray) -> bool:
     values = values[np.isfinite(values)]
     way = float(np.abs(np.diff(values)).sum())
-    return len(values) >= _SHORTEST and way > float(np.ptp(values)) * len(values) / _LEAPS
+    return len(values) >= MIN_POINTS and way > float(np.ptp(values)) * len(values) / _LEAPS
 
 
 # --- several tests one below the other
@@ -207,7 +205,7 @@ def beginnings(
         start and increases again.
     """
     count = len(depth)
-    if count < 2 * _FEWEST_OF_A_TEST:
+    if count < 2 * MIN_POINTS:
         return [0]
     goes_on = time is None or not (time[1:] < time[:-1]).any()
     if not breaks and goes_on and (depth[1:] >= depth[:-1]).all():  # as most curves do
@@ -217,9 +215,10 @@ def beginnings(
     if not extent > 0.0:
         return [0]
     motion = _Motion(filled, extent)
-    leaps = [row for row in motion.leaps() if time is None or _stopped(time, row)]
     marked = [row for row in breaks if 0 < row < count] if len(breaks) < _DENSE * count else []
-    certain = {row for row in marked if motion.begins(row)} | {row for row in leaps if motion.goes_in(row)}
+    certain = {row for row in marked if motion.begins(row)} | {
+        row for row in motion.leaps() if motion.goes_in(row)
+    }
     found = [time] if time is not None else (clocks() if not certain and motion.comes_back() else [])
     for clock in found:
         certain |= _set_back(clock, motion)
@@ -277,12 +276,6 @@ class _Motion:
         return bool(near.size) and bool((pressed[far[0] + near[0] :] > 0.5 * self.extent).any())
 
 
-def _stopped(time: FloatArray, row: int) -> bool:
-    """Whether the time before a row goes back or makes a long pause; time that runs on belongs to one test."""
-    ticks = np.diff(_filled(time))
-    return bool(ticks[row - 1] <= 0.0 or ticks[row - 1] > _STEPS * median(ticks))
-
-
 def _set_back(clock: FloatArray, motion: _Motion) -> set[int]:
     """Rows at which a clock is set back and the depth begins again.
 
@@ -293,7 +286,7 @@ def _set_back(clock: FloatArray, motion: _Motion) -> set[int]:
     ticks = np.diff(_filled(clock))
     rows = [int(row) + 1 for row in np.flatnonzero(ticks < 0.0)]
     # What falls as often as that is a reading and no clock.
-    if not rows or len(rows) * _FEWEST_OF_A_TEST > len(clock):
+    if not rows or len(rows) * MIN_POINTS > len(clock):
         return set()
     begun = {row for row in rows if motion.begins(row)}
     return begun if len(begun) == len(rows) else set()
@@ -315,6 +308,6 @@ def _apart(rows: Sequence[int], count: int) -> list[int]:
     """Keep those rows, after row 0, that leave enough readings for a test before and after them, of `count`."""
     kept = [0]
     for row in rows:
-        if row - kept[-1] >= _FEWEST_OF_A_TEST and count - row >= _FEWEST_OF_A_TEST:
+        if row - kept[-1] >= MIN_POINTS and count - row >= MIN_POINTS:
             kept.append(row)
     return kept

@@ -26,11 +26,17 @@ MAX_BYTES = 256 * _MB
 MAX_TEXT_BYTES = 64 * _MB
 #: What the door is told of a file of curves.
 CURVES = FileKind("a file of curves", MAX_BYTES, "export it again, or split it into one file per test")
-# More points or bytes than a number of so many digits says are in no file.
-_DIGITS = 12
-_MOST = 10**_DIGITS
-# Of a text in UTF-8, and how much of it all formats but those with long headers look at.
-_MARK, _FIRST = b"\xef\xbb\xbf", 65_536
+#: How much of a file all formats but those with long headers look at, in bytes.
+HEAD = 65_536
+#: Longest header of a file or of a part of it, in bytes (80 kB were seen), and most entries, lines or waves of one,
+#: or curves that are read at once (a map of 128 by 128 has 16,384).
+LONGEST_HEADER, MOST_PARTS = 4_000_000, 50_000
+#: How many things of one kind a message or the notes of a curve name.
+LISTED = 5
+#: Rows at either end of a table that tell what it holds.
+SHOWN = 200
+# Of a text in UTF-8.
+_MARK = b"\xef\xbb\xbf"
 # Of a text in UTF-16, and how many of its letters tell one that lacks it.
 _WIDE_MARKS, _WIDE_LETTERS = (b"\xff\xfe", b"\xfe\xff"), 512
 _NOT_IN_TEXT = frozenset(range(32)) - frozenset(b"\t\n\r\f")
@@ -91,20 +97,15 @@ class Source:
             raise self.wrong(message)
         return value
 
-    def count(self, text: str, what: str, most: int = _MOST) -> int:
+    def count(self, text: str, what: str, most: int = 10**12) -> int:
         """Return the whole number of a header entry, at most `most`; FileFormatError, which names `what`, else."""
-        sound = text.isdecimal() and len(text) <= _DIGITS and int(text) <= most
+        sound = text.isdecimal() and len(text) <= len(str(most)) and int(text) <= most
         self.require(sound, f": no whole number for {what}, or one above {most}; it says {text!r:.40}")
         return int(text)
 
     def number(self, text: str, what: str) -> float:
         """Return the finite number of a header entry; FileFormatError, which names `what`, else."""
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        self.require(math.isfinite(value), f": no number for {what}; it says {text!r:.40}")
-        return value
+        return self.given(finite(text), f": no number for {what}; it says {text!r:.40}")
 
     def array(self, kind: np.dtype[Any], count: int, at: int, what: str) -> NDArray[Any]:
         """Return `count` numbers from byte `at` on; FileFormatError, naming `what`, where the file ends before."""
@@ -137,16 +138,25 @@ class Source:
         if self.data.find(b"\0", 0, size) >= 0:
             return ""
         mark = len(_MARK) if self.data.startswith(_MARK) else 0
-        whole = self._first if min(size, len(self.data)) <= _FIRST else self._letters(size)
+        whole = self._first if min(size, len(self.data)) <= HEAD else self._letters(size)
         return whole[: size - mark]
 
     @cached_property
     def _first(self) -> str:
         # Every format looks at it.
-        return self._letters(_FIRST)
+        return self._letters(HEAD)
 
     def _letters(self, size: int) -> str:
         return self.data[:size].removeprefix(_MARK).decode("latin-1").replace("\r", "\n")
+
+
+def finite(text: str) -> float | None:
+    """Return the finite number that a text is; None of any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def curve_name(path: Path, number: int) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.curve import Curve
+from underlay.data.curve import MIN_POINTS, Curve
 from underlay.data.readers._columns import (
     KNOWN,
     ROLES,
@@ -61,7 +61,6 @@ from underlay.units import unit_factor
 # 1,000 or 12.500: what separates thousands where nothing else is divided; and a number just below them.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 _PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
-_THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 # Names from which a lever's bending is still to be taken off.
 _SCANNER = frozenset((*KNOWN["travel"], *KNOWN["height"])) - words("of_a_stage")
 
@@ -75,7 +74,7 @@ class Table:
     labels : sequence of str
         Name of each column, with or without its unit.
     rows : sequence of sequences of str
-        The cells; the first row may hold units.
+        The cells.
     breaks : sequence of int
         Rows before which a blank row or a repeated row of names stands.
     comma : bool, optional
@@ -206,14 +205,15 @@ class _Reader:
         self.source, self.table, self.options = source, table, options
         self.mapping = {role: str(text) for role, text in (options.columns or {}).items()}
         self.labels = [label.strip() for label in table.labels]
-        self.above, self.below, rows = _take_unit_row(table.labels, table.rows, table.units)
+        self.above = [split_label(label)[1] for label in table.labels]
+        stated = [unit_named(without_brackets(unit)) for unit in table.units]
+        self.below = [*stated, *[""] * len(self.above)][: len(self.above)]
         units = zip(table.labels, self.above, self.below, strict=True)
         self.found = find_columns(
             [f"{label} ({below})" if below and not above else label for label, above, below in units],
             self.mapping,
         )
-        self.shift = len(table.rows) - len(rows)
-        self.rows, statistics = without_statistics(rows)
+        self.rows, statistics = without_statistics(table.rows)
         self.notes: list[str] = list(statistics)
         self.signs: dict[str, str] = {}
         self.units: dict[str, str] = {}
@@ -236,16 +236,16 @@ class _Reader:
         try:
             table = self._numbers(indices := _indices(wanted))
         except FileFormatError:
-            if "time" not in wanted or "time" in self.mapping:
+            said = "" if "time" not in wanted else "".join(_column(self.rows[:1], wanted["time"].indices[0]))
+            if "time" not in wanted or "time" in self.mapping or is_number(said):
                 raise
             del wanted["time"]
             table = self._numbers(indices := _indices(wanted))
             label = self.labels[self.found["time"]]
             self.notes.append(f"the time is left out: {label!r:.80} holds no numbers")
         self.columns = dict(zip(indices, table.T, strict=True))
-        _require_no_groups(self.source, self.labels, self.rows, self.columns)
-        if self.table.comma is None and self.table.commas_between:
-            _require_decimals(self.source, self.labels, self.rows, self.columns)
+        quoted = self.table.comma is None and self.table.commas_between
+        _require_no_thousands(self.source, self.labels, self.rows, self.columns, quoted=quoted)
         if not {"depth", "force"} <= self.mapping.keys():
             units = [one or other for one, other in zip(self.above, self.below, strict=False)]
             main = [self.columns[wanted[role].indices[0]] for role in ("depth", "force")]
@@ -281,10 +281,8 @@ class _Reader:
 
     def tests(self) -> Sequence[int]:
         """Rows at which a test begins: as the file says, by a column that numbers tests, or by the motion."""
-        breaks = [row - self.shift for row in self.table.breaks]
-        return (
-            self.table.starts or self._numbered() or beginnings(self.depth, self.time, breaks, self._clocks)
-        )
+        marked = self.table.starts or self._numbered()
+        return marked or beginnings(self.depth, self.time, self.table.breaks, self._clocks)
 
     def _numbered(self) -> list[int]:
         """Rows at which a column that numbers tests changes, with row 0; [] without such a column."""
@@ -292,8 +290,13 @@ class _Reader:
             if is_count(label, of_tests=True):
                 cells = np.array([cell.strip() for cell in _column(self.rows, index)])
                 starts = [0, *(np.flatnonzero(cells[1:] != cells[:-1]) + 1).tolist()]
-                if len(starts) > 1 and len(cells) >= 8 * len(starts):
+                if len(starts) > 1 and len(cells) >= MIN_POINTS * len(starts):
                     return starts
+                self.source.require(
+                    not 1 < len(set(cells)) <= len(cells) / 2,
+                    f", column {label!r:.80}: the rows of several tests are mixed, or fewer than {MIN_POINTS} "
+                    "each; sort the table by it",
+                )
         return []
 
     def _clocks(self) -> Iterator[FloatArray]:
@@ -402,42 +405,41 @@ class _Reader:
         self.notes.append("each segment sets the clock back: it goes on from the segment before")
         return time
 
-    def _lever(self) -> Lever:
-        signals = [label for label in self.labels if name_of(label) in KNOWN["deflection"]]
-        if "sensitivity" in self.options.calibration and not signals:
-            raise InputError(f"{self.source.name} holds forces, not volts; a sensitivity cannot be given")
-        lever = Lever.of(self.source, self.table.stated, self.options.calibration)
+    def _lever(self, *, volts: bool = False) -> Lever:
+        """The calibration of the lever; `volts`: whether it is used on volts, to which any sensitivity applies."""
+        stated, given = self.table.stated, self.options.calibration
+        if "sensitivity" in given and not volts and "sensitivity" not in stated:
+            raise InputError(
+                f"{self.source.name} holds forces, not volts, and does not say with which sensitivity they were "
+                "made; a sensitivity cannot be given"
+            )
+        lever = Lever.of(self.source, stated, given)
         self.known |= {**lever.about, "bending_taken_off": True}
         return lever
 
     def _lever_force(self, values: FloatArray, label: str, unit: str) -> FloatArray:
         """Force (N), (n,), from a cantilever's deflection in a unit of length or in volts of its detector."""
-        lever = self._lever()
+        volts = kind_named(unit) == "voltage"
+        lever = self._lever(volts=volts)
         self.units[label] = unit
-        if kind_named(unit) == "voltage":
-            self.signs["force"] = f"{label!r} * sensitivity * spring constant"
-            return lever.force(self.source, values * unit_factor(unit, "voltage"))
-        self.signs["force"] = f"{label!r} * spring constant"
-        factor = column_factor(unit, "length", label, self.source.name)
-        return np.asarray(values * (factor * lever.stiffness))
+        self.signs["force"] = f"{label!r} *{' sensitivity *' if volts else ''} spring constant"
+        factor = column_factor(unit, "voltage" if volts else "length", label, self.source.name)
+        return lever.force(self.source, values * factor, "V" if volts else "m")
 
     def _take_off_bending(self) -> None:
         """Make a depth of a height or a scanner's travel: turn a height, subtract the cantilever's bending."""
-        if not self.free:
+        if self.free and self.found.get("height") == self.found["depth"]:
+            self.depth = -self.depth
+            self.signs["depth"] = f"minus {self.labels[self.found['depth']]!r}"
+        if not self.scanner:
             if self.options.calibration and not self.known:
                 raise InputError(
                     f"{self.source.name}: a calibration has no use here, depth and force are read as they are "
                     "written; leave it out, or name the columns of travel and deflection"
                 )
             return
-        label = self.labels[self.found["depth"]]
-        if self.found.get("height") == self.found["depth"]:
-            self.depth = -self.depth
-            self.signs["depth"] = f"minus {label!r}"
         deflection = self.found.get("deflection")
         unit = "" if deflection is None else self._unit(Column(deflection))
-        if not self.scanner:
-            return
         if deflection is not None and kind_named(unit) == "length":
             name = self.labels[deflection]
             if deflection not in self.columns:
@@ -445,11 +447,16 @@ class _Reader:
             self.bending = self.columns[deflection] * unit_factor(unit, "length")
             self.signs["depth"] += f" - {name!r}"
             self.units[name] = unit
-            if self.table.stated.get("stiffness"):
-                self._lever()
+            if self.table.stated.get("stiffness") or self.options.calibration:
+                lever = self._lever()
+                self.bending = lever.force(self.source, self.bending, "m") / lever.stiffness
             self.known["bending_taken_off"] = True
         elif self.options.calibration or self.table.stated:
-            self.bending = self.force / self._lever().stiffness
+            of_file = not self.known  # and not made of volts with the calibration that is given
+            lever = self._lever(volts=not of_file)
+            if of_file:
+                self.force = lever.force(self.source, self.force, "N")
+            self.bending = self.force / lever.stiffness
             self.signs["depth"] += " - force / spring constant"
         else:
             self.notes.append(STILL_BENT)
@@ -459,42 +466,35 @@ def _indices(wanted: Mapping[str, Asked]) -> list[int]:
     return sorted({index for asked in wanted.values() for index in asked.indices})
 
 
-def _require_no_groups(
-    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
+def _require_no_thousands(
+    source: Source,
+    labels: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    columns: Mapping[int, FloatArray],
+    *,
+    quoted: bool,
 ) -> None:
-    """Refuse a column whose separator of thousands was read as a decimal sign, as in 998, 999, 1,000."""
+    """Refuse a column whose separator of thousands was read as a decimal sign, as in 998, 999, 1,000.
+
+    `quoted`: commas separate the cells, so that one within a cell in quotes may be either.
+    """
     for index, values in columns.items():
-        # Nearly every column ends here, or a line below.
-        if np.abs(values).max() < _THREE_DIGITS:
+        if not quoted and np.abs(values).max() < 100.0:
             continue
         whole = values == np.rint(values)
         divided = 1e3 * values[~whole]
-        if not divided.size or not (np.abs(values[whole]) >= _THREE_DIGITS).any():
-            continue
-        if not (np.abs(divided - np.rint(divided)) < _ROUNDING).all():
+        # Nearly every column ends here, or above: a group of three digits is a multiple of a thousandth.
+        if not divided.size or (np.abs(divided - np.rint(divided)) > 1e-6).any():
             continue
         # Whole ones may be grouped as well: 1,000 is read as 1.
         cells = [row[index].strip() for row in rows if index < len(row)]
-        groups = [cell for cell in cells if "," in cell or "." in cell]
+        groups = [cell for cell in cells if ("," in cell) != ("." in cell) and (not quoted or "," in cell)]
+        beside = quoted or any(map(_PLAIN_HUNDREDS.fullmatch, cells))
         source.require(
-            not (all(map(_GROUPED.fullmatch, groups)) and any(map(_PLAIN_HUNDREDS.fullmatch, cells))),
-            f", column {labels[index].strip()!r:.80}: {''.join(groups[:1])!r:.40} beside whole numbers of three "
-            "digits looks like thousands and would be read as a decimal; write the numbers without a separator of "
-            "thousands",
-        )
-
-
-def _require_decimals(
-    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], columns: Mapping[int, FloatArray]
-) -> None:
-    """Refuse a column whose commas may all separate thousands, in a table whose cells are separated by commas."""
-    for index in columns:
-        commas = [cell for row in rows if index < len(row) and "," in (cell := row[index].strip())]
-        source.require(
-            not commas or not all(map(_GROUPED.fullmatch, commas)),
-            f", column {labels[index].strip()!r:.80}: the comma of {''.join(commas[:1])!r:.40} may be of a decimal "
-            "or of thousands; write the numbers with decimal points and without thousands, or separate the columns "
-            "by semicolons, where a comma is a decimal's",
+            not (groups and beside and all(map(_GROUPED.fullmatch, groups))),
+            f", column {labels[index].strip()!r:.80}: the separator of {''.join(groups[:1])!r:.40} may be of a "
+            "decimal or of thousands; write the numbers with decimal points and without thousands, or separate the "
+            "columns by semicolons, where a comma is a decimal's",
         )
 
 
@@ -504,25 +504,6 @@ def _no_unit(source: Source, label: str, role: str) -> str:
     header = "" if name != label else f"write it in the header as '{label} ({example})', or "
     asked = f'columns = {{ {role} = "{name} ({example})" }}'
     return f"{source.name}, column {label!r:.80}: no unit; {header}give {asked}"
-
-
-def _take_unit_row(
-    labels: Sequence[str], rows: Sequence[Sequence[str]], stated: Sequence[str]
-) -> tuple[list[str], list[str], Sequence[Sequence[str]]]:
-    """Separate the units of a table from its rows.
-
-    Returns the unit of each column in its name, the unit in the row below the names or stated elsewhere (`stated`),
-    and the rows without that row of units.
-    """
-    units = [split_label(label)[1] for label in labels]
-    below = [""] * len(units)
-    if rows and not any(map(is_number, rows[0])):
-        found = [unit_named(without_brackets(cell)) for cell in rows[0]]
-        if any(unit and kind_named(unit) is not None for unit in found):
-            below, rows = (found + below)[: len(units)], rows[1:]
-    if stated:
-        below = [one or unit_named(other) for one, other in zip(below, [*stated, *below], strict=False)]
-    return units, below, rows
 
 
 def _one_unit(source: Source, label: str, above: str, below: str) -> str:

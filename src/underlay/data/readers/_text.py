@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._door import parse_toml
-from underlay.data.readers._source import MAX_TEXT_BYTES, Source
+from underlay.data.readers._source import MAX_TEXT_BYTES, SHOWN, Source
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, unit_factor
 
@@ -62,9 +62,7 @@ _WORD_UNITS = {word: unit for unit, text in _UNITS["words"].items() for word in 
     for unit, text in _UNITS["stems"].items()
     for stem in listed(text)
 }
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
-# Rows that show which decimal sign a table has.
-_SHOWN = 200
+_NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+|\d{1,3}(?:,\d{3})+\.\d*)(?:[eE][+-]?\d+)?\s*")
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 # Files of one kind ask for the same.
 _factor = lru_cache(maxsize=256)(unit_factor)
@@ -151,6 +149,8 @@ def decode(source: Source) -> str:
         if wide:
             raise source.wrong(f"starts as UTF-16 text but is damaged: {error.reason}") from error
         text = data.decode("latin-1")
+    if not text.isascii():
+        text = text.replace("\u2212", "-")  # a minus sign as it is printed
     source.require("\0" not in text, "holds NUL bytes: it is binary or damaged, not a text file")
     return text
 
@@ -256,7 +256,7 @@ def split_label(label: str) -> tuple[str, str]:
     >>> split_label("force_N"), split_label("Load in Newtons"), split_label("depth/um"), split_label("time: Sec")
     (('force', 'N'), ('Load', 'N'), ('depth', 'um'), ('time', 's'))
     """
-    return _split_label(bare_cell(label).strip()[:200])
+    return _split_label(bare_cell(label).strip()[:200].rstrip(" :="))
 
 
 def _has_kind(unit: str) -> bool:
@@ -291,15 +291,6 @@ def column_factor(unit: str, kind: str, column: str, where: str) -> float:
         raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
 
 
-def finite(text: str) -> float | None:
-    """Return the finite number that a text is; None of any other text."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with a decimal point or comma."""
     return len(cell) < 60 and _NUMBER.fullmatch(cell) is not None
@@ -307,7 +298,12 @@ def is_number(cell: str) -> bool:
 
 def as_number(cell: str) -> float:
     """Return the number in a cell for which `is_number` is true."""
-    return float(cell.replace(",", "."))
+    return float(_with_point(cell))
+
+
+def _with_point(cell: str) -> str:
+    """A number as text with a decimal point, without the commas of thousands that stand before one: 1,234.5."""
+    return cell.replace(",", "" if "." in cell and is_number(cell) else ".")
 
 
 def numbers(
@@ -338,8 +334,12 @@ def numbers(
         If a row is too short or a cell is not a number.
     """
     if comma is None:
-        some = not isinstance(rows, Lines) or any("," in line for line in rows.lines[:_SHOWN])
-        shown = [row[at] for row in rows[:_SHOWN] for at in indices if at < len(row)] if some else []
+        # A test begins and may end with nothing but zeros, and no instrument with both.
+        ends = slice(SHOWN), slice(-SHOWN, None)
+        some = not isinstance(rows, Lines) or any("," in line for end in ends for line in rows.lines[end])
+        shown = (
+            [row[at] for end in ends for row in rows[end] for at in indices if at < len(row)] if some else []
+        )
         comma = any("," in cell for cell in shown) and not any("." in cell for cell in shown)
     if isinstance(rows, Arrays):
         table: FloatArray | None = np.column_stack([rows.columns[at] for at in indices]).astype(np.float64)
@@ -383,7 +383,7 @@ def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: b
 
 
 def _number(cell: str, *, comma: bool, where: str) -> float:
-    text = cell.replace(",", ".") if comma else cell
+    text = _with_point(cell) if comma or ("," in cell and "." in cell and is_number(cell)) else cell
     try:
         value = math.nan if "_" in text else float(text)  # Python reads 1_000; no instrument writes it
     except ValueError:

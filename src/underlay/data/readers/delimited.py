@@ -1,8 +1,9 @@
 """Plain CSV and TSV tables: a row of names with units, then numbers.
 
 Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``, ``load_N``), in a row below the names,
-in a comment, or in the column mapping. Separators are tab, semicolon, bar, comma or blanks; a decimal comma is
-understood where the separator is not a comma, or the cells stand in quotes.
+which a row of remarks may follow as in Origin, in a comment, or in the column mapping. Separators are tab,
+semicolon, bar, comma or blanks; a decimal comma is understood where the separator is not a comma, or the cells
+stand in quotes.
 
 What stands above the first long run of rows of numbers (results, settings) is passed over. Lines that start with
 ``#`` are kept as comments; the names are looked for there where there are no others. Names and cells must be
@@ -33,12 +34,13 @@ from underlay.data.readers._names import (
     Layout,
     Row,
     find_names,
-    is_unit_row,
+    is_same_unit_row,
     layout_of,
     stated_lever,
+    units_above,
     with_units,
 )
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import HEAD, LISTED, MOST_PARTS, SHOWN, Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import SEGMENT_OF, Lines, is_number, lines_and_gaps
 from underlay.errors import UnitError
@@ -51,8 +53,8 @@ COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrume
 _COMMENT = ("#", "%", "//")
 # Comments too where nothing is separated by them.
 _ALSO_COMMENT = (";", "!")
-# The first line of an Igor text file, and most waves that are read of one.
-_IGOR, _MOST_WAVES = "IGOR", 2000
+# The first line of an Igor text file.
+_IGOR = "IGOR"
 _DECIMAL = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
 _DIGIT = re.compile(r"\d")
 _NUMERIC = frozenset("0123456789+-.")
@@ -68,7 +70,6 @@ _READINGS = {
     )
 }
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
-_LISTED = 3
 
 
 def _separator(line: str) -> str:
@@ -83,7 +84,9 @@ def _separator(line: str) -> str:
             # "1,5 2,25" holds two numbers between commas too, and a cell that is none.
             if count >= 2 and count == sum(map(bool, map(str.strip, cells))):
                 return separator
-            some = some or (separator if count >= 2 else "")
+            # Words of a name may be numbers: "depth 1 (um)".
+            mostly = separator != " " or 2 * count >= len(cells)
+            some = some or (separator if count >= 2 and mostly else "")
     return some
 
 
@@ -127,12 +130,22 @@ def _bare(comment: str) -> str:
     return comment.lstrip("#%/;! \t")
 
 
-def _read_all(source: Source, options: Options) -> list[Curve]:
+def _lines_of(source: Source) -> tuple[list[str], list[int]]:
+    """Lines of a file that are not blank, and which of them come after a blank one; see `lines_and_gaps`.
+
+    An Igor text file is made a table, names in quotes that go over several lines are joined, and the line by which
+    spreadsheets name the separator is dropped.
+    """
     lines, gaps = lines_and_gaps(source)
     if lines[0].strip() == _IGOR:
-        lines, gaps = _waves(source, lines), []
-    if re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
-        lines, gaps = lines[1:], [gap - 1 for gap in gaps]
+        return _waves(source, lines), []
+    joined = _with_whole_quotes(lines) if '"' in source.head(HEAD) else lines
+    first = bool(re.fullmatch(r"sep=.\s*", joined[0]))
+    return joined[first:], [gap - len(lines) + len(joined) - first for gap in gaps]
+
+
+def _read_all(source: Source, options: Options) -> list[Curve]:
+    lines, gaps = _lines_of(source)
     found = _layout(lines)
     if found is None:
         raise source.wrong(
@@ -159,10 +172,10 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
         names, units = find_names(source, cells_above, comments, layout, options.columns, split)
         first = layout.first
-        # A row of units stands between the names and the numbers.
-        first -= bool(first and is_unit_row(_split(lines[first - 1], separator)))
+        units = units or units_above([_split(line, separator) for line in above[-LISTED:]])
         below = {at: line for at, line in odd.items() if at >= first}
-        left_out, notes = _left_out(below, commented, separator, [name.strip() for name in names], first)
+        named = [name.strip() for name in names]
+        left_out, notes = _left_out(source, below, commented, separator, named, units)
     except csv.Error as error:
         raise source.wrong(f"is not a readable table: {error}") from error
     gone = sorted(left_out | {at for at in commented if at >= first})
@@ -205,6 +218,20 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     return [restored(curve, stored) for curve in curves]
 
 
+def _with_whole_quotes(lines: Sequence[str]) -> list[str]:
+    """Join the first lines where a line ends within a quoted cell, as names do that were typed over two lines.
+
+    Lines come back as they are where a quote has no end: it is none, as an inch in a remark.
+    """
+    joined: list[str] = [""]
+    for line in lines[:SHOWN]:
+        if joined[-1].count('"') % 2 and not joined[-1].lstrip().startswith(_COMMENT):
+            joined[-1] += f" {line}"
+        else:
+            joined.append(line)
+    return [*joined[1:], *lines[SHOWN:]] if joined[-1].count('"') % 2 == 0 else list(lines)
+
+
 def _waves(source: Source, lines: Sequence[str]) -> list[str]:
     """Turn an Igor text file (.itx) into the lines of a table with a row of wave names; the rest as comments."""
     columns: list[tuple[str, list[str]]] = []
@@ -224,7 +251,7 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
         else:
             others.append(f"# {word}")
     source.require(
-        0 < len(columns) <= _MOST_WAVES,
+        0 < len(columns) <= MOST_PARTS,
         f"is an Igor text file with {len(columns)} waves; a curve has 2 or more",
     )
     rows = zip_longest(*(column for _, column in columns), fillvalue="")
@@ -233,7 +260,12 @@ def _waves(source: Source, lines: Sequence[str]) -> list[str]:
 
 
 def _left_out(
-    below: dict[int, str], commented: dict[int, str], separator: str, names: Sequence[str], first: int
+    source: Source,
+    below: dict[int, str],
+    commented: dict[int, str],
+    separator: str,
+    names: Sequence[str],
+    units: Sequence[str],
 ) -> tuple[set[int], list[str]]:
     """Find lines among the rows of numbers that are no readings: blank, repeated names or units, or a title.
 
@@ -243,27 +275,30 @@ def _left_out(
         By their index in the file, the lines that do not begin as a number does, and the comments among all lines.
     separator : str
         Of the cells.
-    names : sequence of str
-        Names of the columns.
-    first : int
-        Index of the first row of the table.
+    names, units : sequence of str
+        Names of the columns, and their units where a row or a comment gives them.
 
     Returns
     -------
     (set of int, list of str)
         Indices of these lines, and notes that quote the titles.
+
+    Raises
+    ------
+    FileFormatError
+        If other units are said further down.
     """
     left_out: set[int] = set()
     notes: list[str] = []
     for at, line in below.items():
         if not line.strip(',;\t "'):
             left_out.add(at)
-        elif at > first and at not in commented:
+        elif at not in commented:
             cells = [cell.strip() for cell in _split(line, separator)]
             filled = [cell for cell in cells if cell]
-            again = cells == names or is_unit_row(cells)
+            again = cells == names or is_same_unit_row(source, cells, units)
             title = not again and len(filled) == 1 and not is_number(filled[0])
-            if title and len(notes) < _LISTED:
+            if title and len(notes) < LISTED:
                 notes.append(f"left out: the line {one_line(filled[0])!r:.60} between the rows of numbers")
             if again or title or (len(filled) > 1 and filled == [name for name in names if name]):
                 left_out.add(at)
@@ -338,4 +373,9 @@ def _stored(comments: Sequence[str]) -> Any:
     return None
 
 
-FORMAT = declared("csv", _read_all, lambda source: any(map(_separator, source.head(65_536).split("\n"))))
+def _is_table(source: Source) -> bool:
+    head = source.head(HEAD)
+    return head.startswith(_IGOR) or any(map(_separator, head.split("\n")))
+
+
+FORMAT = declared("csv", _read_all, _is_table)

@@ -22,8 +22,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._text import names_there
-from underlay.data.readers._format import Columns, Part, TextFormat, header_of, place_of, table_below
-from underlay.data.readers._source import Source
+from underlay.data.readers._format import CLOSURE, Columns, Part, TextFormat, header_of, place_of, table_below
+from underlay.data.readers._source import LONGEST_HEADER, Source
 from underlay.data.readers._text import as_number, is_number, lines_of, split_label
 from underlay.data.segments import (
     HOLD,
@@ -41,8 +41,6 @@ __all__ = ["BIOINDENTER", "FISCHER", "HYSITRON", "MACH1", "OPTICS11"]
 # --- Optics11 Piuma and Chiaro, all three generations
 
 
-# Load = k * cantilever holds to the last digit written (3e-7 uN) in every file seen.
-_CLOSURE = 1e-3
 # An indentation that is zero at more of the points than this was cut by the software.
 _CUT_SHARE = 0.05
 
@@ -85,7 +83,7 @@ def _closure(load: FloatArray, cantilever: FloatArray, stiffness: str) -> list[s
     if not is_number(stiffness):
         return ["the header gives no cantilever stiffness: load could not be checked against deflection"]
     gap = np.nanmax(np.abs(load - as_number(stiffness) * cantilever))
-    if gap <= _CLOSURE * np.nanmax(np.abs(load)):
+    if gap <= CLOSURE * np.nanmax(np.abs(load)):
         return []
     return [f"load differs from stiffness times deflection by up to {gap:.3g} N: check the file's units"]
 
@@ -144,12 +142,12 @@ BIOINDENTER = TextFormat("bioindenter", _bioindenter_parts, _made_of_bioindenter
 
 # The section "Test Data Points" of a .hld is the curve; approach and drift, a few thousand rows, stand before it.
 _POINTS = re.compile(r"^(?:Test Data Points:|Number of Points\s*=)\s*(\d{1,18})\s*$", re.MULTILINE)
-_DYNAMIC, _HEAD = "nanoDMA Text Export", 1_000_000
+_DYNAMIC = "nanoDMA Text Export"
 _DEMANDS = ("Begin Time", "End Time", "Begin Demand", "End Demand")
 
 
 def _is_hysitron(source: Source) -> bool:
-    head = source.head(_HEAD)
+    head = source.head(LONGEST_HEADER)
     if _DYNAMIC in head[:200]:
         return True
     if "Test Data Points:" in head and "Disp_" in head and "Force_" in head:

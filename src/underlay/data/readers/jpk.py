@@ -39,7 +39,7 @@ from underlay._arrays import FloatArray
 from underlay._door import opened, read_member
 from underlay.data.curve import Curve
 from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
-from underlay.data.readers._source import MAX_BYTES, Source, curve_name, open_zip
+from underlay.data.readers._source import LONGEST_HEADER, MAX_BYTES, MOST_PARTS, Source, curve_name, open_zip
 from underlay.data.readers._text import SEGMENT_OF
 from underlay.errors import FileFormatError
 
@@ -47,8 +47,6 @@ __all__ = ["JpkMapCurve", "curves_of_jpk_map", "read_jpk"]
 
 #: Entries ``lcd-info.3.channel...`` of the shared header, by ``lcd-info.3``.
 Shared: TypeAlias = Mapping[str, Mapping[str, str]]
-# Most bytes that a header may claim, and most entries of one.
-_LONGEST_HEADER, _MOST_ENTRIES = 4_000_000, 50_000
 _GENERAL, _SHARED = "header.properties", "shared-data/header.properties"
 _SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/segment-header\.properties")
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
@@ -74,7 +72,7 @@ def _properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
     found: dict[str, str] = {}
     if name not in archive.NameToInfo:
         return found
-    for line in read_member(archive, name, _LONGEST_HEADER).decode("latin-1").splitlines():
+    for line in read_member(archive, name, LONGEST_HEADER).decode("latin-1").splitlines():
         key, equals, value = line.partition("=")
         if equals and not line.startswith("#"):
             found[key.strip()] = value.strip().replace("\\:", ":")
@@ -104,8 +102,8 @@ class _Archive:
             if ".*" in key:
                 head = key.rsplit(".", 2)[0]
                 group = self.shared.get(f"{key.split('.')[-2]}.{number}", {})
-                if len(found) + len(group) > _MOST_ENTRIES:
-                    raise FileFormatError(f"the header of a segment claims more than {_MOST_ENTRIES} entries")
+                if len(found) + len(group) > MOST_PARTS:
+                    raise FileFormatError(f"the header of a segment claims more than {MOST_PARTS} entries")
                 found.update({f"{head}.{name}": value for name, value in group.items()})
         return found
 
@@ -329,10 +327,10 @@ class JpkMapCurve:
         if declared > MAX_BYTES:
             raise FileFormatError(f"{self.name} claims {declared / 1e6:.0f} MB unpacked")
         for member in self.members:
-            if member.name.endswith(".properties") and member.size > _LONGEST_HEADER:
+            if member.name.endswith(".properties") and member.size > LONGEST_HEADER:
                 raise FileFormatError(
                     f"{self.name}: the header {member.name!r:.80} claims {member.size / 1e6:.0f} MB unpacked; at "
-                    f"most {_LONGEST_HEADER / 1e6:g} MB of one are read"
+                    f"most {LONGEST_HEADER / 1e6:g} MB of one are read"
                 )
         packed = io.BytesIO()
         with _open(self.path) as stream, zipfile.ZipFile(packed, "w") as archive:

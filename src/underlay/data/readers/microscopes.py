@@ -47,8 +47,8 @@ from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared, library
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
-from underlay.data.readers._source import CURVES, MAX_BYTES, Source
-from underlay.data.readers._text import finite, si_factor
+from underlay.data.readers._source import CURVES, MAX_BYTES, MOST_PARTS, Source, finite
+from underlay.data.readers._text import si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 
 __all__ = ["ASYLUM", "NANOSURF", "PARK"]
@@ -149,8 +149,7 @@ _GROUPS = (
     ("Spec fwd pause", HOLD, False, "FwPause"),
     ("Spec backward", UNLOADING, True, "BwMod"),
 )
-# 18 groups of 8 channels and 256 lines were seen.
-_MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
+_CHANNEL_KEY = re.compile(r"Gr(\d{1,6})-Ch(\d{1,6})")
 # What is worth showing, by its name in the section of the measurement.
 _NID_ABOUT = {"instrument": "Head type", "software version": "Software ver.", "date": "Date", "time": "Time"}
 _TIMES = r"DataSet\Parameters\Spectroscopy"
@@ -188,19 +187,20 @@ class _Nid:
         """Channels of the groups that make a force curve (forward, pause, backward), by the name of the group."""
         source, start, wanted = self.source, self.start, {name for name, *_ in _GROUPS}
         groups: dict[str, list[_Channel]] = {}
-        for group in range(self.count("DataSet", "GroupCount", _MOST_GROUPS)):
-            name = self["DataSet"].get(f"Gr{group}-Name", "")
-            for channel in range(self.count("DataSet", f"Gr{group}-Count", _MOST_CHANNELS)):
-                section = self["DataSet"].get(f"Gr{group}-Ch{channel}")
-                if section is None:
-                    continue
-                points, lines = self.count(section, "Points"), self.count(section, "Lines", _MOST_LINES)
-                bits = self[section].get("SaveBits", "")
-                source.require(bits in _INTEGERS, f": [{section!s:.60}] holds no numbers of 16 or 32 bits")
-                raw = source.array(_INTEGERS[bits], points * lines, start, f"[{section!s:.60}]")
-                if name in wanted:
-                    groups.setdefault(name, []).append(_Channel.of(self, section, raw.reshape(lines, points)))
-                start += raw.nbytes
+        there = [
+            (found, section)
+            for key, section in self["DataSet"].items()
+            if (found := _CHANNEL_KEY.fullmatch(key))
+        ]
+        for found, section in sorted(there, key=lambda one: (int(one[0][1]), int(one[0][2]))):
+            name = self["DataSet"].get(f"Gr{found[1]}-Name", "")
+            points, lines = self.count(section, "Points"), self.count(section, "Lines", MOST_PARTS)
+            bits = self[section].get("SaveBits", "")
+            source.require(bits in _INTEGERS, f": [{section!s:.60}] holds no numbers of 16 or 32 bits")
+            raw = source.array(_INTEGERS[bits], points * lines, start, f"[{section!s:.60}]")
+            if name in wanted:
+                groups.setdefault(name, []).append(_Channel.of(self, section, raw.reshape(lines, points)))
+            start += raw.nbytes
         return groups
 
     def lever(self, options: Options) -> Lever:
@@ -329,7 +329,7 @@ _MAGIC = b"\x00\xc5\x04\x00\x01\x00\x00\x00\x01\x13\x03\x0e"
 # Tags: header of the spectroscopy, its values, program, date; and bytes of one item of a type.
 _SPECTRA, _VALUES, _SOFTWARE, _DATE = 50438, 50439, 305, 306
 _ITEM = {1: 1, 2: 1, 3: 2, 4: 4, 7: 1}
-_BYTE, _MOST_TAGS = np.dtype("u1"), 1000
+_BYTE = np.dtype("u1")
 # In the header of the spectroscopy: eight channels of 96 bytes, then numbers, then three floats a point.
 _CHANNELS, _CHANNEL = 8, struct.Struct("<64s16sdii")
 _COUNTS_AT, _CALIBRATION_AT, _TYPE_AT, _PLACES_AT, _PLACE = 768, 976, 1108, 1208, 12
@@ -365,7 +365,7 @@ def _tags(source: Source) -> dict[int, bytes]:
     try:
         (start,) = struct.unpack_from("<I", data, 4)
         (count,) = struct.unpack_from("<H", data, start)
-        for number in range(min(count, _MOST_TAGS)):
+        for number in range(count):
             at = start + 2 + 12 * number
             tag, kind, items, place = struct.unpack_from("<HHII", data, at)
             if tag not in {_SPECTRA, _VALUES, _SOFTWARE, _DATE} or tag in found:

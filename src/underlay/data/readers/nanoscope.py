@@ -36,7 +36,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import LONGEST_HEADER, MOST_PARTS, Source
 from underlay.data.readers._text import si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
@@ -44,8 +44,6 @@ from underlay.errors import InputError
 __all__ = ["FORMAT"]
 
 _END = b"\\*File list end"
-# Headers of 35 to 80 kB were seen; a map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
-_LONGEST_HEADER, _MOST_CURVES = 1_000_000, 20_000
 _WIDE_SINCE = 0x09200000
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 # "V [Sens. DeflSens] (0.0003750000 V/LSB) 2.500000 V", "V 21.90000 nm/V"
@@ -118,7 +116,7 @@ class _Header:
 
     def __init__(self, source: Source) -> None:
         self.source, self.sections = source, list[_Section]()
-        end = source.data.find(_END, 0, _LONGEST_HEADER)
+        end = source.data.find(_END, 0, LONGEST_HEADER)
         source.require(end >= 0, "is a NanoScope file whose header does not end: it is cut short")
         entries = _Section()
         for line in re.split(r"[\r\n]+", source.data[:end].decode("latin-1")):
@@ -227,8 +225,8 @@ class _Header:
 def _read_all(source: Source, options: Options) -> list[Curve]:
     curves, count = _opened(source, options)
     source.require(
-        count <= _MOST_CURVES,
-        f"holds {count} curves; up to {_MOST_CURVES} are read at once: pick one, test = 1 to test = {count}, or "
+        count <= MOST_PARTS,
+        f"holds {count} curves; up to {MOST_PARTS} are read at once: pick one, test = 1 to test = {count}, or "
         "save a part of the volume",
     )
     return [curve for number in range(count) if (curve := curves(number)) is not None]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -27,7 +28,7 @@ from underlay.data.curve import Curve
 from underlay.data.export import HDF5_MARK, restored
 from underlay.data.readers._format import Options, declared, library, make_curve
 from underlay.data.readers._hdf5 import curve_groups, is_own, open_checked
-from underlay.data.readers._source import CURVES, MAX_BYTES, Source
+from underlay.data.readers._source import CURVES, MAX_BYTES, MOST_PARTS, Source
 from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Arrays, decode
 from underlay.errors import FileFormatError
@@ -39,17 +40,14 @@ _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _FIRST_NUMBER, _LAST_NUMBER = 2, 6, 15
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _HEADER, _TAG, _COMPLEX, _DEEPEST = 128, 8, 0x800, 4
-_FEWEST, _MOST_COLUMNS, _LONGEST = 3, 256, 1000
+_FEWEST = 3
 
 
 # --- what underlay wrote
 
 
+_OWN_JSON = re.compile(rf'\s*{{.*"{HDF5_MARK}"', re.DOTALL)
 _SIGNS = {"depth": "as exported", "force": "as exported"}
-
-
-def _is_json(head: str) -> bool:
-    return head.startswith("{") and f'"{HDF5_MARK}"' in head
 
 
 def _read_json(source: Source, options: Options) -> list[Curve]:
@@ -106,7 +104,7 @@ def _numbers(source: Source, columns: Mapping[str, Any], name: str, length: int 
     return array
 
 
-JSON_FORMAT = declared("json", _read_json, lambda source: _is_json(source.head(400).lstrip()))
+JSON_FORMAT = declared("json", _read_json, lambda source: bool(_OWN_JSON.match(source.head(400))))
 
 HDF5_FORMAT = declared("hdf5", _read_hdf5, is_own)
 
@@ -164,7 +162,7 @@ def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, Floa
     name = ".".join(part for part in (above, own) if part)
     if flags & 0xFF == _STRUCT and size == [1, 1] and len(parts) >= 5:
         width = int(np.frombuffer(parts[3][1][:4].ljust(4, b"\0"), f"{order}i4")[0])
-        letters = parts[4][1] if 0 < width < _LONGEST else b""
+        letters = parts[4][1] if 0 < width < MOST_PARTS else b""
         fields = (letters[at : at + width] for at in range(0, len(letters), max(width, 1)))
         found: dict[str, FloatArray] = {}
         for field, (kind, body) in zip(fields, parts[5:], strict=False):
@@ -178,7 +176,7 @@ def _columns(matrix: bytes, order: str, above: str, deep: int) -> dict[str, Floa
     type_ = np.dtype(order + _TYPES[kind])
     numbers = np.frombuffer(content[: len(content) // type_.itemsize * type_.itemsize], type_)
     whole = len(size) == 2 and min(size) >= 1 and size[0] * size[1] == len(numbers)
-    if not whole or max(size) < _FEWEST or min(size) > _MOST_COLUMNS:
+    if not whole or max(size) < _FEWEST or min(size) > MOST_PARTS:
         return {}
     table = numbers.reshape(size[1], size[0]).astype(np.float64)
     table = table if size[0] >= size[1] else table.T

@@ -33,6 +33,7 @@ from underlay._door import read_member
 from underlay._text import names_there, one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import (
+    CLOSURE,
     Columns,
     Options,
     Part,
@@ -43,7 +44,7 @@ from underlay.data.readers._format import (
     library,
     read_parts,
 )
-from underlay.data.readers._names import Row, find_names, is_unit_row, layout_of, serves
+from underlay.data.readers._names import Row, find_names, is_same_unit_row, layout_of, serves, units_above
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip
 from underlay.data.readers._table import Table, is_marker, marked, table_curves
 from underlay.data.readers._text import is_number
@@ -56,7 +57,7 @@ __all__ = ["EXCEL", "NANOSUITE", "OLE_MAGIC", "TESTXPERT", "Sheet", "sheets_of"]
 OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _WORKBOOK = "xl/workbook.xml"
 # A sheet may name a cell in row 1048576 and nothing else. What comes after so many empty rows is left.
-_MAX_ROWS, _MAX_CELLS, _MAX_COLUMNS, _MAX_GAP = 1_048_576, 8_000_000, 256, 10_000
+_MAX_CELLS, _MAX_GAP = 8_000_000, 10_000
 # What xlrd calls cells of .xls that are empty, text, a number, or blank.
 _PLAIN = bytes((0, 1, 2, 6))
 
@@ -163,11 +164,10 @@ def _xls_row(xlrd: Any, sheet: Any, row: int) -> Sequence[Any]:
 
 def _rows(source: Source, rows: Iterator[Sequence[Any]]) -> Iterator[list[str]]:
     cells = empty = 0
-    for number, row in enumerate(rows):
+    for row in rows:
         cells += len(row) + 1
-        small = number < _MAX_ROWS and cells <= _MAX_CELLS
-        source.require(small, f": more than {_MAX_ROWS} rows or {_MAX_CELLS} cells in a sheet")
-        texts = [_text(cell) for cell in row[:_MAX_COLUMNS]]
+        source.require(cells <= _MAX_CELLS, f": more than {_MAX_CELLS} cells in a sheet")
+        texts = list(map(_text, row))
         if any(texts):
             # Empty rows count only when something follows them.
             yield from ([] for _ in range(min(empty, 64)))
@@ -225,14 +225,13 @@ def _table(source: Source, sheet: Sheet, options: Options) -> Table | None:
         return None
     if not serves(names, asked):
         return None
-    first = layout.first
-    first -= bool(first and is_unit_row(sheet.rows[first - 1]))
+    units = units or units_above(above)
     rows: list[list[str]] = []
     breaks: list[int] = []
-    for row in sheet.rows[first:]:
+    for row in sheet.rows[layout.first :]:
         filled = [cell for cell in row if cell]
         title = len(filled) == 1 and not is_number(filled[0]) and len(row) > 1 and not is_marker(filled[0])
-        if not filled or title or (rows and (row == names or is_unit_row(row))):
+        if not filled or title or (rows and (row == names or is_same_unit_row(source, row, units))):
             breaks.append(len(rows))
         else:
             rows.append(row)
@@ -329,11 +328,12 @@ def _made_of_nanosuite(part: Part, columns: Columns) -> dict[str, Any]:
     }
 
 
-def _is_nanosuite(source: Source) -> bool:
-    return _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample")
-
-
-NANOSUITE = TextFormat("nanosuite", _nanosuite_parts, _made_of_nanosuite, _is_nanosuite).format
+NANOSUITE = TextFormat(
+    "nanosuite",
+    _nanosuite_parts,
+    _made_of_nanosuite,
+    lambda source: _is_xls(source) and _in_bytes(source, _MARKER, "Load On Sample"),
+).format
 
 
 _SPECIMEN = channels_of("testxpert")
@@ -341,8 +341,6 @@ _PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "P
 # Beside the parameters stand results, or specimens alone, with names of columns such as these.
 _RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
 _TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
-# Gap plus travel is constant to the digits written where both describe one test.
-_CLOSURE = 1e-3
 
 
 def _is_testxpert(source: Source) -> bool:
@@ -382,16 +380,15 @@ def _specimen_columns(labels: Sequence[tuple[str, str]]) -> dict[str, int]:
 
     By names in the languages known, else by units: the first time, the first force, the first two lengths.
     """
-    kinds = [kind_of(unit) if unit else None for _, unit in labels]
-    by_name: dict[str, int] = {}
+    by_name = found_columns(_SPECIMEN, labels)
+    if {"force", "depth"} <= by_name.keys():
+        return by_name
     by_order: dict[str, int] = {}
     for role, channel in _SPECIMEN.items():
-        of_kind = [at for at, kind in enumerate(kinds) if kind == channel.kind]
-        if named := [at for at in of_kind if labels[at][0].lower() in channel.names]:
-            by_name[role] = named[0]
-        if free := [at for at in of_kind if at not in by_order.values()]:
-            by_order[role] = free[0]
-    return by_name if {"force", "depth"} <= by_name.keys() else by_order
+        of_kind = (at for at, (_, unit) in enumerate(labels) if unit and kind_of(unit) == channel.kind)
+        if (free := next((at for at in of_kind if at not in by_order.values()), None)) is not None:
+            by_order[role] = free
+    return by_order
 
 
 def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
@@ -406,7 +403,7 @@ def _made_of_testxpert(part: Part, columns: Columns) -> dict[str, Any]:
         (-1.0, "minus the travel as written"),
         (1.0, "travel as written: gap plus travel is constant"),
     ):
-        if np.ptp(gap + way * travel) <= _CLOSURE * max(float(np.ptp(travel)), np.finfo(float).tiny):
+        if np.ptp(gap + way * travel) <= CLOSURE * max(float(np.ptp(travel)), np.finfo(float).tiny):
             sign, rule = way, text
     return {"depth": sign * travel, "initial_gap": float(gap[0]), "sign_rules": {"depth": rule, **rules}}
 
