@@ -229,3 +229,15 @@ def test_bounds_of_the_contact_beyond_the_readings_are_refused():
     late = replace(made, instrument=ul.Instrument(contact_depth=4e-6))
     with pytest.raises(ul.InputError, match=r"from 3 um to 6 um, and the readings are from -2 um to 1 um"):
         ul.Problem(late, curve, {"layer.E": None, "instrument.contact_depth": (3e-6, 6e-6)})
+
+
+@pytest.mark.parametrize("tip", [ul.Paraboloid(3e-3), ul.Sphere(3e-3)])
+def test_a_contact_is_sought_among_the_readings_wherever_they_are(tip):
+    """Depths of an instrument may be counted from far away; the scene's contact of zero is no start then."""
+    made = ul.Scene(tip, ul.Layer(ul.Isotropic(5e5, 0.45)), uncertainties="none")
+    depth = np.linspace(-2e-4, 1e-4, 400)
+    curve = ul.synthesize(made, depth, ul.Noise(force=1e-4), np.random.default_rng(0))
+    free = {"layer.E": (1e3, 1e8), "instrument.contact_depth": None, "instrument.baseline": None}
+    fit = ul.fit(ul.Problem(made, ul.Curve(depth - 0.05, curve.force), free))
+    assert fit.values["layer.E"] == pytest.approx(5e5, rel=0.02)
+    assert fit.values["instrument.contact_depth"] == pytest.approx(-0.05, abs=1e-6)

@@ -406,6 +406,11 @@ def _common_start(
             f"{request.name} is shared but its scenes start it at different values "
             f"({', '.join(f'{value:.6g}' for value in starts)}): give them one"
         )
+    if request.path == ContactDepth.path and request.given is None:
+        first = min(float(curve.depth.min()) for _, curve in own)
+        last = max(float(curve.depth.max()) for _, curve in own)
+        # A start beside the readings is no start; coordinates count from it in ranges of the depth.
+        return starts[0] if first <= starts[0] <= last else 0.5 * (first + last)
     return starts[0]
 
 
