@@ -244,9 +244,8 @@ def pointwise_sentence(found: PointwiseModulus | str) -> str:
         return f"Not read depth by depth: {found}."
     layer, bare = found.apparent, found.apparent_halfspace
     held = int(np.count_nonzero((layer.low <= layer.expected) & (layer.expected <= layer.high)))
-    whose = "what the fit's modulus has relaxed to by then" if found.relaxing else "the fit's modulus"
     text = (
-        f"Read from the force at each depth, the {100.0 * found.level:.0f} % interval holds {whose}, "
+        f"Read from the force at each depth, the {100.0 * found.level:.0f} % interval holds the fit's modulus, "
         f"{format_quantity(float(layer.expected[-1]), 'pressure')}, at {held} of {len(found.depth)} depths."
     )
     if not found.layered:

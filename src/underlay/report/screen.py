@@ -356,16 +356,15 @@ def by_depth_words(found: PointwiseModulus) -> str:
     known = np.isfinite(curve.modulus) & np.isfinite(curve.low) & np.isfinite(curve.high)
     if known.sum() < 3:
         return ""
-    modulus, low, high = curve.modulus[known], curve.low[known], curve.high[known]
-    # Depths at which the band says something: within twice the narrowest.
-    told = (high - low) <= 3.0 * (high - low).min()
-    least, most = float(modulus[told].min()), float(modulus[told].max())
-    if bool(((low <= curve.expected[known]) & (curve.expected[known] <= high)).all()):
-        words = "constant within its uncertainty"
-    else:
-        trend = float(np.polyfit(np.log(found.depth[known][told]), np.log(modulus[told]), 1)[0])
-        words = "rising" if trend > 0.0 else "falling"
-    return f"{_range(least, most)}, {words}"
+    modulus, width = curve.modulus[known], np.log(curve.high[known] / curve.low[known])
+    # Depths at which the interval says something: within three times the narrowest.
+    told = modulus[width <= 3.0 * width.min()]
+    least, most = float(told.min()), float(told.max())
+    shown = _range(least, most)
+    if found.trend == "constant" or " to " not in shown:
+        return f"{shown}, constant within its uncertainty"
+    hidden = math.log(most / least) < 0.5 * abs(found.change)
+    return f"{shown}, {found.trend}{'; the fitted contact point hides most of it' if hidden else ''}"
 
 
 def _range(least: float, most: float) -> str:

@@ -51,11 +51,14 @@ class PointwiseModulus:
         The same two moduli by the formula of a half-space.
     layered : bool
         Whether there is anything under the layer; otherwise both pairs are the same.
-    relaxing : bool
-        Whether the sample relaxes: each modulus is then the relaxed value at the time when the tip reached that
-        depth.
     level : float
         Confidence of the intervals, point by point.
+    change : float
+        ln of the modulus at full depth over that at a tenth of it, were contact point, baseline and all else that
+        is free fitted together with it. At the fit's own contact point a part of it is hidden.
+    trend : str
+        ``"constant"`` unless the change exceeds four of its standard deviations; else ``"rising"`` or
+        ``"falling"``.
     """
 
     name: str
@@ -67,8 +70,9 @@ class PointwiseModulus:
     apparent_halfspace: ModulusCurve
     incremental_halfspace: ModulusCurve
     layered: bool
-    relaxing: bool
     level: float
+    change: float
+    trend: str
 
     @property
     def table(self) -> pd.DataFrame:

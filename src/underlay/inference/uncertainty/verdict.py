@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 GOOD, CHECK, REJECT = "good", "check", "reject"
 # Changes of the apparent modulus over the range from which a model is to be checked, and rejected; and how many
 # standard deviations a change must exceed: of 2000 clean curves one in a thousand exceeds it by chance.
-_CHANGED, _WRONG, _SURE = math.log(1.10), math.log(1.30), 4.0
+_CHANGED, _WRONG, SURE = math.log(1.10), math.log(1.30), 4.0
 # Residuals, as a share of the largest force, below which a model is not rejected: the first of three real curves of
 # cartilage changes by 41 % near its contact point and is fitted to 0.8 %; the poor ones have residuals of 2.2 and 9
 # %.
@@ -132,7 +132,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     """Advice where the law does not fit: everywhere, or by an amount that changes with depth."""
     signed, deviation = change_with_depth(fit, i)
     change = abs(signed)
-    if change < _CHANGED or change < _SURE * deviation:
+    if change < _CHANGED or change < SURE * deviation:
         if _left(fit, i) > _NOT_DESCRIBED and seen.white < _LIKELY:
             yield Advice(
                 REJECT,

@@ -46,7 +46,7 @@ def pointwise_modulus(
     level = float(found.apparent.expected[-1]) if answer is None else answer.value
     name, pascal = style.unit_of(level, "pressure")
     with style.panel(ax) as panel:
-        band = answer is not None and not answer.is_open and not found.relaxing
+        band = answer is not None and not answer.is_open
         words = [("layer on substrate" if found.layered else "half-space (Hertz)", style.FIT)]
         if answer is not None and band:
             panel.axhspan(answer.low / pascal, answer.high / pascal, color=style.FIT, alpha=0.13, lw=0.0)
