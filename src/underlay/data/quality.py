@@ -264,7 +264,10 @@ def _doubts(
         yield "too few points beyond contact to see how the force grows with the depth"
     elif abs(exponents.found - exponents.expected) > max(_EXPONENT, 2.0 * exponents.uncertainty):
         yield _about_exponent(exponents.found, exponents.expected)
-    yield from _flat_top(loading, deepest)
+    yield from (
+        f"a flat top: {flat}: a saturated detector; fit up to 95 % of the force"
+        for flat in flat_tops(loading, deepest)
+    )
     yield from _risen_holds(curve, peak, contact.noise)
     ways = _ways_in(curve, beyond)
     if len(ways) > 1:
@@ -289,16 +292,18 @@ def _doubts(
     yield from _shape_doubts(curve, scene, deepest)
 
 
-def _flat_top(loading: Curve, deepest: float) -> Iterator[str]:
-    """Yield a doubt if the force stays at its maximum while the depth grows, as of a saturated detector."""
+def flat_tops(loading: Curve, deepest: float) -> Iterator[str]:
+    """Yield a clause if the force stays at its maximum while the depth grows, as of a saturated detector.
+
+    `deepest` is the largest indentation (m).
+    """
     top = loading.force >= loading.force.max() - _TOP * float(np.ptp(loading.force))
     first = len(top) - int(np.argmin(top[::-1])) if not top.all() else 0
     count, went = len(top) - first, float(np.ptp(loading.depth[first:])) if first < len(top) else 0.0
     if count >= _FEW_ON_TOP and went > _SLIP * deepest:
         yield (
-            f"a flat top: the force stays at {format_quantity(float(loading.force.max()), 'force')} over the last "
-            f"{count} points while the indenter goes in by {format_quantity(went, 'length')}: a saturated "
-            "detector; fit up to 95 % of the force"
+            f"the force stays at {format_quantity(float(loading.force.max()), 'force')} over the last "
+            f"{count} points while the indenter goes in by {format_quantity(went, 'length')}"
         )
 
 

@@ -6,9 +6,9 @@ Two moduli at each depth, each for a half-space and for the layer on what it sta
 - incremental: the modulus at which it has the local slope dP/dw of force P (Argatov and Sabina, 9.1), which does
   not depend on shallower depths.
 
-Both are the fit's modulus times the ratio of the elastic moduli by which data and fitted model are reproduced at the
-depth: what a sample with memory (relaxation, drainage) has lost by then is in both. Where the model is right the
-modulus with the layer is that of the fit at every depth, and the half-space's is a curve that can be predicted.
+Both are the fit's modulus times the ratio of the elastic moduli by which data and fitted model are reproduced at
+the depth: what a sample with memory (relaxation, drainage) has lost by then is in both. Where the model is right
+the modulus with the layer is that of the fit at every depth, and the half-space's is a curve that can be predicted.
 Contact point, baseline and all other numbers are those of the fit, with their uncertainty.
 
 The force and slope at a depth are means over a bin, relative to the fitted model: in every bin a straight line is
@@ -295,7 +295,7 @@ class BinnedCurve:
         values = self.values(physical)
         bare = {p: values[p] if p in self.member.entries else v for p, v in self.bare_numbers.items()}
         model = self.model(physical)
-        elastic = np.concatenate(
+        elastic: FloatArray = np.concatenate(
             [
                 body.explain(numbers, *readings)[:2]
                 for readings in (self.measured, model)
@@ -303,7 +303,8 @@ class BinnedCurve:
             ]
         )
         remaining = np.tile(elastic[4:6] / values["layer.E"], (4, 1))
-        return np.divide(elastic, remaining, out=np.full_like(elastic, np.nan), where=remaining != 0.0)
+        unknown = np.full_like(elastic, np.nan)
+        return np.divide(elastic, remaining, out=unknown, where=remaining != 0.0)
 
     def curves(self, level: float) -> dict[str, ModulusCurve]:
         """The four moduli with their intervals at a confidence `level`, by the names in `KINDS`."""

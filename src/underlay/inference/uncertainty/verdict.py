@@ -10,15 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from underlay.data.segments import LOADING, runs_of
 from underlay.errors import InputError
 from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.reading import Reading
 from underlay.mechanics.response import WholeHistory
+from underlay.quantities import path_of
 from underlay.scene.instrument import ContactDepth
 from underlay.units import format_quantity
 
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.seen import Seen
     from underlay.scene.scene import Scene
 
+# Cause, next step and setting of an advice.
+_Remedy: TypeAlias = tuple[str, str, tuple[str, str] | tuple[()]]
 #: Words of a verdict.
 GOOD, CHECK, REJECT = "good", "check", "reject"
 # Changes of the apparent modulus over the range from which a model is to be checked, and rejected; and how many
@@ -39,6 +43,10 @@ _DESCRIBED = 0.02
 # Residuals, as the same share, above which any model is rejected, unless they are white noise: three ramps of a
 # stepwise test fitted as one leave residuals of 20 %.
 _NOT_DESCRIBED = 0.05
+# Residuals over the stated noise from which the noise is not as stated or the model not right, and dip of the force
+# below the baseline, as a share of the largest force and over the noise of a reading, from which a tip adheres: as
+# `check_quality` has them.
+_BEYOND_NOISE, _DIP, _CLEAR = 3.0, 0.1, 6.0
 # Rise of a half-space's modulus (in ln) from which a stiffer base is the likely cause.
 _CHANGED_HALF_SPACE = math.log(1.20)
 # Share of the depth over which a step at contact rises, and share of the depth that counts as shallow.
@@ -113,7 +121,7 @@ def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Itera
     ]
     answers = [answer(name) for name in names]
     yield from _of_bounds(fit)
-    yield from _of_widths(answers)
+    yield from _of_widths(fit, reading, answers)
     yield from _of_inputs(answers)
     for i, seen in enumerate(reading.seen):
         yield from _of_readings(fit, i, seen)
@@ -135,16 +143,20 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     if change < _CHANGED or change < SURE * deviation:
         if _left(fit, i) > _NOT_DESCRIBED and seen.white < _LIKELY:
             yield Advice(
-                REJECT,
-                f"the model does not describe the curve{_residuals(fit)}",
-                "several loadings fitted as one, or a tip or an effect that is not in the model",
-                "look at the picture, and fit one ramp of it",
-                ("curve.segment", "ramp 1"),
+                REJECT, f"the model does not describe the curve{_residuals(fit)}", *_undescribed(fit, i)
+            )
+        elif (times := _over_stated_noise(fit, i)) > _BEYOND_NOISE:
+            yield Advice(
+                CHECK,
+                f"the model does not describe the curve: residuals are {times:.2g} times the noise that you stated",
+                "noise larger than stated, or a tip or an effect that is not in the model",
+                "look at the picture; leave the noise out, and what the curve shows is allowed for",
             )
         return
     scene, curve = fit.scenes[i], fit.curves[i]
     share = _in_words(signed)
-    if seen.foot > _FOOT:
+    caused = _cause_in_curve(fit, i)
+    if seen.foot > _FOOT and not caused:
         yield Advice(
             CHECK,
             f"contact is made gradually: the first fifth of the depth is off by {share}",
@@ -173,22 +185,98 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         yield Advice(
             word,
             f"the half-space model does not describe the curve: E rises with depth by {share}",
-            "a stiffer base below the layer"
-            + (", or a sample that stiffens with strain" if stiffens else ""),
-            "enter the thickness of the layer, and its substrate",
-            ("layer.thickness", "<your thickness>"),
+            *(
+                caused
+                or (
+                    "a stiffer base below the layer"
+                    + (", or a sample that stiffens with strain" if stiffens else ""),
+                    "enter the thickness of the layer, and its substrate",
+                    ("layer.thickness", "<your thickness>"),
+                )
+            ),
         )
         return
     half = format_quantity(0.5 * pressed, "length", digits=3)
     yield Advice(
         word,
         f"the curve is {stiffer} at depth than the model, by {share}",
-        _cause(scene, signed),
-        "fit its strain stiffening too, inverse_limit (1/Jm, such as 0.5) free"
-        if stiffens
-        else f"fit up to half of the depth ({half})",
-        ("layer.stiffening.model", "gent") if stiffens else ("curve.fit_to", half),
+        *(
+            caused
+            or (
+                _cause(scene, signed),
+                "fit its strain stiffening too, inverse_limit (1/Jm, such as 0.5) free"
+                if stiffens
+                else f"fit up to half of the depth ({half})",
+                ("layer.stiffening.model", "gent") if stiffens else ("curve.fit_to", half),
+            )
+        ),
     )
+
+
+def _undescribed(fit: Fit, i: int) -> _Remedy:
+    """Why a model describes nothing of a curve: what the curve shows, a modulus that cannot follow, or loadings."""
+    moduli = [name for name in fit.names if path_of(name).startswith("layer.E")]
+    for name in moduli:
+        if name in fit.bounds_hit:
+            bound = fit.bounds_hit[name]
+            return (f"{name} ended on its {bound}", "widen its bounds", ())
+    if caused := _cause_in_curve(fit, i):
+        return caused
+    if not moduli:
+        return (
+            "the layer's modulus is held at the number that you entered",
+            "fit it too",
+            ("fit.layer.E", "{}"),
+        )
+    loadings = sum(label == LOADING for _, _, label in runs_of(fit.curves[i].segments()))
+    if loadings > 1:
+        return (
+            "several loadings fitted as one, or a tip or an effect that is not in the model",
+            "look at the picture, and fit one ramp of it",
+            ("curve.segment", "ramp 1"),
+        )
+    return (
+        "a tip or an effect that is not in the model",
+        "look at the picture, and check the tip's shape and size and the units of the file",
+        (),
+    )
+
+
+def _over_stated_noise(fit: Fit, i: int) -> float:
+    """Root mean square of a curve's residuals over the noise that was stated; zero where none was.
+
+    What the contact law itself may be off by counts as noise.
+    """
+    if fit.problem.noise is None or fit.statistics.noise_estimated:
+        return 0.0
+    residual, peak = fit.residuals[i], float(abs(fit.curves[i].force).max())
+    allowed = np.hypot(fit.sigmas[i], fit.statistics.law_error * peak)
+    return float(np.mean((residual / allowed) ** 2) ** 0.5)
+
+
+def _cause_in_curve(fit: Fit, i: int) -> _Remedy | tuple[()]:
+    """A fault that one curve shows by itself, whatever its model: a saturated detector, or a tip that adheres."""
+    # Loaded only where a verdict is in doubt.
+    from underlay.data.quality import flat_tops  # noqa: PLC0415  see above
+
+    scene = fit.scenes[i]
+    loading = fit.curves[i].way_in()
+    for flat in flat_tops(loading, float(loading.depth.max()) - scene.instrument.contact_depth):
+        return (
+            f"a saturated detector: {flat}",
+            "fit up to 95 % of the force",
+            ("curve.fit_to", "95 % of force"),
+        )
+    if scene.adhesion is None:
+        force = loading.force - scene.instrument.chain.reading(np.zeros_like(loading.depth), loading.depth)
+        dip, noise = -float(force.min()), float(np.median(np.abs(np.diff(force))))
+        if dip > max(_DIP * float(force.max()), _CLEAR * noise):
+            return (
+                "the tip adheres: the force dips below the baseline while it goes in",
+                "fit with adhesion (JKR) and its work of adhesion",
+                ("adhesion.model", "jkr"),
+            )
+    return ()
 
 
 def _may_stiffen(scene: Scene, deepest: float) -> bool:
@@ -271,8 +359,9 @@ def _of_bounds(fit: Fit) -> Iterator[Advice]:
         )
 
 
-def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
+def _of_widths(fit: Fit, reading: Reading, answers: Sequence[Answer]) -> Iterator[Advice]:
     for known in answers:
+        seen = known.contributions[0].origin == "seen"
         if known.is_open:
             yield Advice(
                 CHECK,
@@ -291,17 +380,41 @@ def _of_widths(answers: Sequence[Answer]) -> Iterator[Advice]:
             yield Advice(
                 CHECK,
                 f"{known.name} is known to a factor of {known.high / known.low:.2g} only",
-                _largest(known),
-                "indent deeper, or with a second tip too"
-                if known.contributions[0].origin == "seen"
-                else "measure that better, and state its uncertainty",
+                *(
+                    _why_wide(fit, reading)
+                    if seen
+                    else (_largest(known), "measure that better, and state its uncertainty")
+                ),
             )
+
+
+def _why_wide(fit: Fit, reading: Reading) -> _Remedy:
+    """Why the curves themselves leave a number wide: a fault of a curve, its baseline, the tip, or noise."""
+    for i, seen in enumerate(reading.seen):
+        if caused := _cause_in_curve(fit, i):
+            return caused
+        peak = float(abs(fit.curves[i].force).max())
+        drifts = max(abs(seen.ramp_force), seen.turn_force) > _RAMP * peak
+        slopes = any(path_of(name) == "instrument.baseline_slope" for name in fit.names)
+        # Likelier than not.
+        if not slopes and drifts and seen.ramp + seen.turn > 0.5:
+            return (
+                "a baseline that may drift, or bend",
+                "fit a baseline slope",
+                ("fit.instrument.baseline_slope", "{}"),
+            )
+    straight = all(scene.indenter.has_edge for scene in fit.scenes)
+    if straight and any(path_of(name) == "layer.thickness" for name in fit.names):
+        return (
+            "a flat punch reads one stiffness: modulus and thickness trade off along a straight line",
+            "measure the thickness, or add a curve with a second tip radius",
+            (),
+        )
+    return ("noise and misfit of the curve itself", "indent deeper, or with a second tip too", ())
 
 
 def _largest(known: Answer) -> str:
     first = known.contributions[0]
-    if first.origin == "seen":
-        return "noise and misfit of the curve itself"
     return f"{first.source} makes {100.0 * first.share:.0f} % of the variance"
 
 
