@@ -303,8 +303,9 @@ class BinnedCurve:
             ]
         )
         remaining = np.tile(elastic[4:6] / values["layer.E"], (4, 1))
-        unknown = np.full_like(elastic, np.nan)
-        return np.divide(elastic, remaining, out=unknown, where=remaining != 0.0)
+        moduli = np.full_like(elastic, np.nan)
+        np.divide(elastic, remaining, out=moduli, where=remaining != 0.0)
+        return moduli
 
     def curves(self, level: float) -> dict[str, ModulusCurve]:
         """The four moduli with their intervals at a confidence `level`, by the names in `KINDS`."""
