@@ -190,7 +190,7 @@ def drifting(tip, base, drift, seed):
 @pytest.mark.parametrize("base", [None, ul.RIGID], ids=["half-space", "rigid base"])
 @pytest.mark.parametrize("tip", TIPS, ids=["paraboloid", "cone", "punch"])
 def test_a_constant_modulus_is_called_constant_and_a_drift_is_named(tip, base):
-    """Four standard deviations of one test: of 720 clean curves, a third with correlated noise, none was misnamed."""
+    """One test at four standard deviations: of 720 clean curves, a third of correlated noise, none was misnamed."""
     constant = [ul.pointwise_modulus(drifting(tip, base, 0.0, seed)).trend for seed in range(12)]
     assert constant == ["constant"] * 12
     risen = [ul.pointwise_modulus(drifting(tip, base, 0.15, seed)).trend for seed in range(6)]
@@ -202,7 +202,7 @@ def test_a_constant_modulus_is_called_constant_and_a_drift_is_named(tip, base):
 
 
 def test_the_words_agree_with_the_verdict_where_the_contact_point_hides_a_change():
-    """A modulus that grows from nothing at contact: the fitted contact point moves, and the readings hardly rise."""
+    """A modulus that grows from contact on: the fitted contact point moves, and the readings hardly rise."""
     tip, layer = ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45))
     scene = ul.Scene(tip, layer, None)
     depth = np.linspace(-1e-5, 1.2e-4, 300)

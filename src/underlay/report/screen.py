@@ -364,7 +364,7 @@ def by_depth_words(found: PointwiseModulus) -> str:
     if found.trend == "constant" or " to " not in shown:
         return f"{shown}, constant within its uncertainty"
     hidden = math.log(most / least) < 0.5 * abs(found.change)
-    return f"{shown}, {found.trend}{'; the fitted contact point hides most of it' if hidden else ''}"
+    return f"{shown}, {found.trend}{'; what else was fitted hides most of it' if hidden else ''}"
 
 
 def _range(least: float, most: float) -> str:

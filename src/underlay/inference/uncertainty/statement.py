@@ -154,11 +154,13 @@ class Statement:
         found = _quantities(of, self.fit.problem.physical(np.vstack([at, *ends])))
         low, middle, high = np.full(found.shape[1], -np.inf), found[0].copy(), np.full(found.shape[1], np.inf)
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        away = self.reading.draws - at
+        drawn, weights = self._drawn
+        away = drawn - at
         for n in np.flatnonzero((found > 0.0).all(axis=0)):
             above, below = np.split(np.log(found[1:, n]), 2)
             along = away @ ((above - below) / apart)
-            low[n], high[n] = middle[n] * np.exp(weighted_quantiles(along, self.reading.weights, tails))
+            reach = weighted_quantiles(along, weights, tails)
+            low[n], high[n] = (_exponential(math.log(middle[n]) + end) for end in reach.tolist())
         return low, middle, high
 
     def modulus_by_depth(self, curve: int, points: int, level: float) -> PointwiseModulus:
@@ -180,11 +182,17 @@ class Statement:
         middles = [(at + source.bias)[None] for source in self.sources]
         return np.concatenate((at[None], self.fit.vector[None], *moved, *middles))
 
+    @cached_property
+    def _drawn(self) -> tuple[FloatArray, FloatArray]:
+        """Draws (m, k) and their weights (m,), without those that no prior allows: they lie at any distance."""
+        weighs = self.reading.weights > 0.0
+        return self.reading.draws[weighs], self.reading.weights[weighs]
+
     def _derived(self, level: float) -> Mapping[str, FloatArray]:
         """All derived quantities, by name, at the vectors of `_places`, the draws and the edge; kept by level."""
         if level not in self._followed:
             problem = self.fit.problem
-            vectors = np.vstack((self._places, self.reading.draws, self.reading.edge(level)))
+            vectors = np.vstack((self._places, self._drawn[0], self.reading.edge(level)))
             self._followed[level] = derived_quantities(problem, problem.physical(vectors))
         return self._followed[level]
 
@@ -227,9 +235,10 @@ class Statement:
         positive = bool((found > 0.0).all())
         found = np.log(found) if positive else found
         first = len(self._places)
-        places, draws, edge = np.split(found, [first, first + len(self.reading.draws)])
+        weights = self._drawn[1]
+        places, draws, edge = np.split(found, [first, first + len(weights)])
         tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
-        low, high = widened(weighted_quantiles(draws, self.reading.weights, tails), edge)
+        low, high = widened(weighted_quantiles(draws, weights, tails), edge)
         unit = KINDS[kind_of_quantity(name)].si
         return _Scale(name, unit, low, high, places, _exponential if positive else float)
 

@@ -61,6 +61,8 @@ _ONE_INPUT, _WIDE = 0.8, 0.30
 _USUAL_LIMIT = 0.5
 # Ratio of the ends of an interval from which a number is reported as known to a factor only.
 _FACTOR = 2.0
+# Next step and setting where the baseline is not constant.
+_FIT_SLOPE = ("fit a baseline slope", ("fit.instrument.baseline_slope", "{}"))
 _WORDS = {
     "indenter.radius": "the tip radius",
     "layer.thickness": "the thickness",
@@ -395,14 +397,9 @@ def _why_wide(fit: Fit, reading: Reading) -> _Remedy:
             return caused
         peak = float(abs(fit.curves[i].force).max())
         drifts = max(abs(seen.ramp_force), seen.turn_force) > _RAMP * peak
-        slopes = any(path_of(name) == "instrument.baseline_slope" for name in fit.names)
         # Likelier than not.
-        if not slopes and drifts and seen.ramp + seen.turn > 0.5:
-            return (
-                "a baseline that may drift, or bend",
-                "fit a baseline slope",
-                ("fit.instrument.baseline_slope", "{}"),
-            )
+        if not _slopes(fit) and drifts and seen.ramp + seen.turn > 0.5:
+            return ("a baseline that may drift, or bend", *_FIT_SLOPE)
     straight = all(scene.indenter.has_edge for scene in fit.scenes)
     if straight and any(path_of(name) == "layer.thickness" for name in fit.names):
         return (
@@ -451,16 +448,23 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             CHECK,
             f"the baseline drifts by {format_quantity(seen.ramp_force, 'force', digits=2)} over the record",
             "thermal drift, or drag of the approach",
-            "fit a baseline slope",
-            ("fit.instrument.baseline_slope", "{}"),
+            *_FIT_SLOPE,
         )
     if seen.turn > _LIKELY and seen.turn_force > _RAMP * peak:
         yield Advice(
             CHECK,
             f"the baseline turns during the record, by {format_quantity(seen.turn_force, 'force', digits=2)}",
             "thermal drift that changed on the way, or a cable or fluid that pulls",
-            "let the instrument settle before a test, or fit the readings before the turn",
+            *(
+                ("let the instrument settle before a test, or fit the readings before the turn",)
+                if _slopes(fit)
+                else _FIT_SLOPE
+            ),
         )
+
+
+def _slopes(fit: Fit) -> bool:
+    return any(path_of(name) == "instrument.baseline_slope" for name in fit.names)
 
 
 def _of_warnings(fit: Fit) -> Iterator[Advice]:

@@ -1,0 +1,107 @@
+"""The cause and the next step that a verdict names, on curves whose fault is known."""
+
+import numpy as np
+import pytest
+
+import underlay as ul
+
+BALL = ul.Paraboloid(3e-3)
+SCENE = ul.Scene(BALL, ul.Layer(ul.Isotropic(5e5, 0.45)), None)
+FREE = {"layer.E": (1e3, 1e8), "instrument.contact_depth": None, "instrument.baseline": None}
+DEPTH = np.linspace(-2e-4, 3e-4, 900)
+
+
+def measured(change=None, noise=3e-3, depth=DEPTH, scene=SCENE):
+    """A curve of the scene (N over m), with white noise (N); `change` makes another force of depth and force."""
+    force = scene.contact_law(4e-4).force(np.maximum(depth, 0.0))
+    force = force if change is None else change(depth, force)
+    return ul.Curve(depth, force + noise * np.random.default_rng(1).standard_normal(len(depth)))
+
+
+def verdict(curve, free=FREE, scene=SCENE, **more):
+    return ul.fit(ul.Problem(scene, curve, free, **more)).verdict
+
+
+def test_the_model_of_a_clean_curve_is_good():
+    assert verdict(measured()) == "good"
+
+
+def test_a_flat_top_is_a_saturated_detector():
+    """Readings at the detector's end are all the same."""
+    clean = measured(noise=1e-4)
+    told = verdict(ul.Curve(DEPTH, np.minimum(clean.force, 0.08)))
+    assert told == "reject"
+    assert "saturated detector" in told.cause
+    assert told.setting == ("curve.fit_to", "95 % of force")
+
+
+def test_a_modulus_on_its_bound_is_the_cause_of_a_misfit():
+    told = verdict(measured(), {**FREE, "layer.E": (1e6, 1e8)}, SCENE.with_values({"layer.E": 2e6}))
+    assert told == "reject"
+    assert "ended on its lower bound" in told.cause
+    assert not told.setting
+
+
+def test_a_modulus_that_is_held_is_the_cause_of_a_misfit():
+    held = {name: given for name, given in FREE.items() if name != "layer.E"}
+    told = verdict(measured(), held, SCENE.with_values({"layer.E": 1e6}))
+    assert told == "reject"
+    assert told.setting == ("fit.layer.E", "{}")
+
+
+def test_several_loadings_are_named_where_there_are_several():
+    """Three ramps to the same depth, each softer than the one before."""
+    up = np.linspace(-1e-4, 3e-4, 300)
+    down = up[::-1]
+    depth = np.concatenate((up, down, up, down, up))
+    soft = np.repeat([1.0, 1.0, 0.5, 0.5, 0.3], 300)
+    curve = measured(lambda _, force: soft * force, depth=depth, noise=1e-3)
+    told = verdict(curve)
+    assert told == "reject"
+    assert told.setting == ("curve.segment", "ramp 1")
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_a_baseline_that_drifts_is_the_cause_of_a_wide_interval(seed):
+    """A slope that adds a fifth of the force over the record, and noise of 1 %: E is known to a factor of 2."""
+    depth = np.linspace(-2e-4, 3e-4, 1500)
+    force = SCENE.contact_law(4e-4).force(np.maximum(depth, 0.0)) + 150.0 * depth
+    curve = ul.Curve(depth, force + 3e-3 * np.random.default_rng(seed).standard_normal(1500))
+    told = verdict(curve)
+    assert told == "check"
+    assert told.setting == ("fit.instrument.baseline_slope", "{}")
+    assert verdict(curve, {**FREE, "instrument.baseline_slope": None}) == "good"
+
+
+def test_a_dip_before_contact_is_a_tip_that_adheres():
+    """The force falls by 13 % of its peak before it rises, over a tenth of the depth."""
+
+    def dipped(depth, force):
+        return force - 0.13 * force.max() * np.exp(-((depth / 3e-5) ** 2))
+
+    told = verdict(measured(dipped, noise=1e-4))
+    assert told in ("check", "reject")
+    advice = [told, *told.others]
+    assert any("adheres" in entry.cause for entry in advice)
+    assert not any("indent deeper" in entry.next for entry in advice)
+
+
+def test_residuals_beyond_the_stated_noise_are_a_misfit():
+    curve = measured(noise=3e-3)
+    told = verdict(curve, noise=ul.Noise(force=3e-4))
+    assert told == "check"
+    assert "9.9 times the noise that you stated" in told.reason
+    assert verdict(curve, noise=ul.Noise(force=3e-3)) == "good"
+
+
+def test_a_flat_punch_is_not_told_to_indent_deeper_for_its_thickness():
+    scene = ul.Scene(ul.FlatPunch(6e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
+    depth = np.linspace(-1e-5, 4e-5, 300)
+    told = verdict(
+        measured(noise=1e-3, depth=depth, scene=scene),
+        {"layer.E": (1e4, 1e8), "layer.thickness": (6e-4, 2e-3)},
+        scene,
+    )
+    assert told == "check"
+    assert not any("indent deeper" in entry.next for entry in (told, *told.others))
+    assert any("thickness" in entry.next or "second tip" in entry.next for entry in (told, *told.others))
