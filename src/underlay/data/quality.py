@@ -48,11 +48,11 @@ _SLIP = 0.03
 _TOP, _FEW_ON_TOP = 1e-3, 5
 # The depth is held where its ends differ by less than this share of its range.
 _STILL = 0.01
-_ADHESION = 0.1
+ADHESION = 0.1
 _CONTACT_SHARE = 0.15
 _FEW_POINTS = 20
 # Further below the baseline than noise goes in a million points.
-_CLEAR = 6.0
+CLEAR = 6.0
 # What to do about a dip.
 _FIT_IT = "the tip adheres: fit it with adhesion (JKR) and its work of adhesion"
 # With fewer points before contact there is no baseline to see it leave.
@@ -321,7 +321,7 @@ def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
             float(column[last - width : last].mean() - column[first : first + width].mean())
             for column in (curve.depth, curve.force)
         )
-        if force > max(_SLIP * peak, _CLEAR * noise) and abs(depth) < _STILL * float(np.ptp(curve.depth)):
+        if force > max(_SLIP * peak, CLEAR * noise) and abs(depth) < _STILL * float(np.ptp(curve.depth)):
             yield (
                 f"the force rises by {format_quantity(force, 'force')} ({100.0 * force / peak:.0f} % of its peak) "
                 "while the depth is held, where a sample would relax: look for drift of the force or the stage"
@@ -332,7 +332,7 @@ def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
 def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: float) -> Iterator[str]:
     """Yield a doubt, with adhesion as remedy, if the force falls below the baseline in loading or unloading."""
     dip = -float(beyond.force.min())
-    if dip > _ADHESION * peak:
+    if dip > ADHESION * peak:
         yield (
             f"the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in: {_FIT_IT}"
         )
@@ -340,7 +340,7 @@ def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: floa
     if lowest is None:
         return
     below = contact.baseline + contact.baseline_slope * lowest.depth - lowest.force
-    if below > max(_ADHESION * peak, _CLEAR * lowest.scatter):
+    if below > max(ADHESION * peak, CLEAR * lowest.scatter):
         yield (
             f"the unloading shows a pull-off force of {format_quantity(below, 'force', digits=3)}: {_FIT_IT}, from "
             "the unloading"

@@ -43,10 +43,8 @@ _DESCRIBED = 0.02
 # Residuals, as the same share, above which any model is rejected, unless they are white noise: three ramps of a
 # stepwise test fitted as one leave residuals of 20 %.
 _NOT_DESCRIBED = 0.05
-# Residuals over the stated noise from which the noise is not as stated or the model not right, and dip of the force
-# below the baseline, as a share of the largest force and over the noise of a reading, from which a tip adheres: as
-# `check_quality` has them.
-_BEYOND_NOISE, _DIP, _CLEAR = 3.0, 0.1, 6.0
+# Residuals over the stated noise from which the noise is not as stated, or the model not right.
+_BEYOND_NOISE = 3.0
 # Rise of a half-space's modulus (in ln) from which a stiffer base is the likely cause.
 _CHANGED_HALF_SPACE = math.log(1.20)
 # Share of the depth over which a step at contact rises, and share of the depth that counts as shallow.
@@ -259,7 +257,7 @@ def _over_stated_noise(fit: Fit, i: int) -> float:
 def _cause_in_curve(fit: Fit, i: int) -> _Remedy | tuple[()]:
     """A fault that one curve shows by itself, whatever its model: a saturated detector, or a tip that adheres."""
     # Loaded only where a verdict is in doubt.
-    from underlay.data.quality import flat_tops  # noqa: PLC0415  see above
+    from underlay.data.quality import ADHESION, CLEAR, flat_tops  # noqa: PLC0415  see above
 
     scene = fit.scenes[i]
     loading = fit.curves[i].way_in()
@@ -272,7 +270,7 @@ def _cause_in_curve(fit: Fit, i: int) -> _Remedy | tuple[()]:
     if scene.adhesion is None:
         force = loading.force - scene.instrument.chain.reading(np.zeros_like(loading.depth), loading.depth)
         dip, noise = -float(force.min()), float(np.median(np.abs(np.diff(force))))
-        if dip > max(_DIP * float(force.max()), _CLEAR * noise):
+        if dip > max(ADHESION * float(force.max()), CLEAR * noise):
             return (
                 "the tip adheres: the force dips below the baseline while it goes in",
                 "fit with adhesion (JKR) and its work of adhesion",
