@@ -15,9 +15,9 @@ def pointwise_modulus(
 ) -> PointwiseModulus:
     """Compute the modulus of the layer separately at every depth of a curve.
 
-    It is the fit's modulus, times the ratio of the elastic moduli by which data and fitted model are reproduced there.
-    For an elastic sample that is the modulus by which the force is reproduced; what a sample with memory has relaxed
-    by then is in both.
+    It is the fit's modulus, times the ratio of the elastic moduli by which data and fitted model are reproduced
+    there. For an elastic sample that is the modulus by which the force is reproduced; what a sample with memory has
+    relaxed by then is in both.
 
     Parameters
     ----------
