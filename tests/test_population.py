@@ -3,6 +3,7 @@
 import csv
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,6 +16,7 @@ from support.populations import made_study, table_of
 from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import BETWEEN, WITHIN, Grid
+from underlay.inference.uncertainty.answer import Interval
 from underlay.report import screen
 from underlay.report.maps import (
     comparison_table,
@@ -81,6 +83,22 @@ def test_answers_give_their_own_ends():
     interval = found.interval("layer.E", two, part="statistical")
     assert one.places[1] == pytest.approx(math.log(interval.low), abs=1e-9)
     assert one.places[5] == pytest.approx(math.log(interval.high), abs=1e-9)
+
+
+def test_a_curve_that_says_nothing_has_a_flat_likelihood():
+    """Every interval is open on both sides, also the narrowest."""
+    open_one = Interval("layer.E", 0.95, 2e3, -math.inf, math.inf)
+    one = CurveLikelihood.of_answers(lambda *_: SimpleNamespace(statistical=open_one), "layer.E")
+    assert (one.log_at(np.log([1.0, 2e3, 1e9])) == 0.0).all()
+    assert one.is_open
+
+    def bounded_below(name, level):
+        return SimpleNamespace(statistical=Interval(name, level, 2e3, 1e3 * (1.0 - level), math.inf))
+
+    one = CurveLikelihood.of_answers(bounded_below, "layer.E")
+    assert one.middle == pytest.approx(math.log(1e3 * (1.0 - 0.02)))
+    assert (one.log_at(np.log([2e3, 1e9])) == 0.0).all()
+    assert one.log_at(np.log([1e2]))[0] < -0.5
 
 
 # --- the model
