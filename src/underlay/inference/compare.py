@@ -86,8 +86,8 @@ class Comparison:
     def alike(self) -> tuple[str, ...]:
         """Labels of the laws that the data do not tell from the one of least AIC, itself included.
 
-        Their AIC is within 2 of the least. The data prefer none of them, so theory does: the exact law is first, then
-        come the others by their error.
+        Their AIC is within 2 of the least. The data prefer none of them, so theory does: the exact law is first,
+        then come the others by their error.
         """
         by_aic = {label: found.statistics.aic for label, found in self.fits.items()}
         least = min(by_aic.values(), default=0.0)
@@ -99,8 +99,8 @@ class Comparison:
     def errors(self) -> Mapping[str, float]:
         """Largest relative error of each law's force between contact and the deepest reading.
 
-        It is measured against the exact law, at the numbers of the fit whose law states the smallest error. Where one
-        of the two laws is not for these numbers, it is the error that the law states.
+        It is measured against the exact law, at the numbers of the fit whose law states the smallest error. Where
+        one of the two laws is not for these numbers, it is the error that the law states.
         """
         if not self.fits:
             return {}

@@ -263,7 +263,8 @@ class CurveFitter:
         residuals: FloatArray = found.residuals[0]
         # A reading left out near a jump is no reason to doubt the fit.
         notes = tuple(str(warning) for warning in found.warnings if warning.code not in ("jump", NO_CONTACT))
-        _require_contact([warning.message for warning in found.warnings if warning.code == NO_CONTACT], notes)
+        without = [warning.message for warning in found.warnings if warning.code == NO_CONTACT]
+        _require_contact("; ".join(without), notes)
         outcome = _Found(
             found.values,
             found.stderr,
@@ -323,9 +324,9 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
-def _require_contact(reasons: Sequence[str], notes: Sequence[str]) -> None:
-    """Raise CurveError where there are reasons that a curve has no contact (`no_contact`); notes are added."""
-    for reason in reasons:
+def _require_contact(reason: str, notes: Sequence[str]) -> None:
+    """Raise CurveError where there is a reason that a curve has no contact (`no_contact`); notes are added."""
+    if reason:
         raise CurveError("; ".join([f"{reason} (are the units right?)", *notes]))
 
 

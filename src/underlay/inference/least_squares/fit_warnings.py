@@ -210,12 +210,13 @@ def without_contact(problem: Problem, residuals: Sequence[FloatArray]) -> tuple[
     for number, (member, residual) in enumerate(zip(problem.members, residuals, strict=True), start=1):
         which = f"curve {number}: " if len(residuals) > 1 else ""
         square = float(residual @ residual)
-        for reason in no_contact(member.forward.depth, member.force, square, problem.names):
+        reason = no_contact(member.forward.depth, member.force, square, problem.names)
+        if reason:
             warnings.append(FitWarning(NO_CONTACT, f"{which}{reason}"))
     return tuple(warnings)
 
 
-def no_contact(depth: FloatArray, force: FloatArray, square: float, names: Iterable[str]) -> list[str]:
+def no_contact(depth: FloatArray, force: FloatArray, square: float, names: Iterable[str]) -> str:
     """Reason why a fitted curve shows no contact: a straight line explains its force as well; empty if it does.
 
     Parameters
@@ -235,9 +236,9 @@ def no_contact(depth: FloatArray, force: FloatArray, square: float, names: Itera
         flat = flat - along * float(along @ flat / (along @ along))
     variance = square / max(len(force) - len(free), 1)
     if float(flat @ flat) - square > _LEAST_GAIN * variance:
-        return []
+        return ""
     flat_one = "a straight line" if sloping else "a constant force"
-    return [f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"]
+    return f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
 
 
 def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
