@@ -342,7 +342,8 @@ def plan(
     ParameterError
         If the parameter is not one of the free ones of the specimen, or the indenter has no radius.
     InputError
-        If the noise is unknown, or radii or depths are not positive and increasing.
+        If the noise is unknown, radii or depths are not positive and increasing, or a sample that remembers is
+        given without a record.
     """
     require_given(scene, "scene", Scene)
     require_given(noise, "noise", NoiseModel)
@@ -359,6 +360,11 @@ def plan(
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
     tips, ends = _positive(radii, "radii"), _positive(depths, "depths")
+    if scene.memory is not None and record is None:
+        raise InputError(
+            "a sample that remembers is planned with the motion of the test: its depths and times, as record or of "
+            "a curve, or motion in [simulate]"
+        )
     grid = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver, record)
     slope = grid.slopes[specimen.index(parameter)]
     errors = _errors(grid.information + grid.prior, specimen.index(parameter), ~np.isnan(grid.peak_force))
