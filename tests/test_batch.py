@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -187,6 +188,11 @@ def test_a_curve_in_air_is_no_contact_for_a_map_and_for_a_single_fit():
         verdict = ul.fit(ul.Problem(scene, curve, free)).verdict
         assert verdict == "reject"
         assert verdict.reason.startswith("no contact: a constant force explains the curve")
+
+
+def test_a_folder_without_curves_is_named_as_it_was_given(tmp_path):
+    with pytest.raises(ul.InputError, match=f"^no curve in {re.escape(str(tmp_path))}: give a folder"):
+        ul.fit_many(tmp_path, SCENE, FREE, workers=0)
 
 
 def test_laws_are_shared_between_curves_of_other_thickness(curves, manifest, monkeypatch):

@@ -140,3 +140,15 @@ def test_stated_uncertainties_decide_where_the_noise_is_small():
     assert "from the noise alone" in whole.recommendation
     assert whole.to_frame().iloc[1, 0] == whole.combined[1, 0]
     assert whole.second(6e-4, 4e-5).combined is None
+
+
+def test_a_sample_that_remembers_is_planned_with_its_motion():
+    """Without times a test would be taken to last a second, in which no relaxation of a minute is seen."""
+    relaxing = replace(SCENE, layer=replace(SCENE.layer, relaxation=ul.Prony((0.3,), (3.0,))))
+    asked = {"free": [E, C], "noise": NOISE, "radii": [1e-3], "depths": [1e-4]}
+    with pytest.raises(ul.InputError, match="planned with the motion of the test"):
+        ul.plan(relaxing, **asked)
+    time = np.linspace(0.0, 61.0, 200)
+    record = (np.minimum(time, 1.0) - 0.25, time)
+    free = [E, C, "layer.relaxation.fractions[0]", "layer.relaxation.times[0]"]
+    assert np.isfinite(ul.plan(relaxing, **asked | {"free": free}, record=record).stderr).all()

@@ -290,6 +290,29 @@ def test_groups_are_compared_as_ratios():
     assert len(found.groups["sham"].unit_values) == 6  # "a0" in two groups is two animals
 
 
+def test_groups_that_are_taken_as_one_are_named():
+    rng = np.random.default_rng(8)
+    first, labels = made_study(rng, animals=6, sites=6, between=0.1, within=0.1)
+    second, _ = made_study(rng, animals=6, sites=6, between=0.1, within=0.1, mean=math.log(0.5))
+    table = pd.concat([table_of(first, labels, treatment="sham"), table_of(second, labels, treatment="drug")])
+    together = ul.population(table)
+    assert together.apart == "treatment"
+    verdict = population_verdict(together)
+    assert verdict == "check"
+    assert "the column treatment tells groups apart" in verdict.reason
+    assert "--group treatment" in verdict.next
+    apart = ul.population(table, group="treatment")
+    assert apart.apart == ""
+    assert population_verdict(apart) == "good"
+    assert population_verdict(ul.population(table[table["treatment"] == "sham"])) == "good"
+
+
+def test_one_animal_is_no_plural():
+    rng = np.random.default_rng(8)
+    found = ul.population(table_of(*made_study(rng, animals=1, sites=6, between=0.1, within=0.1)))
+    assert [of for _, _, of in means_in_words(found)] == ["1 animal, 6 curves"]
+
+
 def test_the_page_of_a_map_says_what_its_animals_say():
     rng = np.random.default_rng(11)
     one, labels = made_study(rng, animals=4, sites=5, between=0.1, within=0.1)

@@ -134,12 +134,12 @@ class _Test:
         if self.scene.memory is None:
             return None
         if self.curve is not None:
-            since, time = self.curve.depth - (self.curve.depth.max() - self.deepest), self.curve.time
+            depth, time = self.curve.depth, self.curve.time
         elif self.file.simulate is not None:
-            since, time = self.file.simulate.depth - self.scene.instrument.contact_depth, self.file.simulate.time
+            depth, time = self.file.simulate.depth, self.file.simulate.time
         else:
             return None
-        return None if time is None else (since, time)
+        return None if time is None else (depth - (depth.max() - self.deepest), time)
 
     @property
     def depths(self) -> SimulatedDepths:

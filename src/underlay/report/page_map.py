@@ -107,7 +107,7 @@ class MapPage(page.Page[pd.DataFrame]):
         if self.parameters:
             draw = partial(plots.histogram, self.sites, self.parameters[0])
             alt = f"Histogram of the {label(self.parameters[0])}."
-            yield page.figure(Picture("histogram", draw, alt, "All sites."), _SMALL, "side")
+            yield page.figure(Picture("histogram", draw, alt, "All sites that count."), _SMALL, "side")
 
     def _methods(self) -> str:
         laws = [str(law) for law in self.sites.get("law", []) if isinstance(law, str)]

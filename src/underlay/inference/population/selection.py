@@ -91,10 +91,10 @@ def select_rows(
 
 
 def group_column(table: pd.DataFrame, by: Sequence[str] = ()) -> str:
-    """Column of a map's table that tells groups of its fitted curves apart, none of `by`; empty if there is none."""
+    """Column of a map's table that tells groups of its fitted curves apart, none of `by`; "" without one."""
     fitted = table[table["status"] == FITTED]
     there = (name for name in _GROUPS if name in table.columns and name not in by)
-    return next((name for name in there if fitted[name].dropna().nunique() > 1), "")
+    return next((name for name in there if len(set(fitted[name].dropna())) > 1), "")
 
 
 def select_results(
