@@ -37,7 +37,7 @@ _UNSEEN = ("layer.thickness", "substrate.")
 _BONDS = {"bonded": "bonded", "slipping": "slip"}
 _CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
 # Number of points of a drawn line, and of the depths at which the force of a law is checked.
-_POINTS, _CHECKED = 300, 50
+_POINTS = 300
 # Difference of AIC up to which a curve does not tell two laws apart (Burnham and Anderson 2002, section 2.6).
 _ALIKE = 2.0
 
@@ -157,7 +157,7 @@ def _error(trusted: Fit, fit: Fit) -> float:
     errors = []
     for scene, curve in zip(trusted.scenes, trusted.curves, strict=True):
         deepest = float(scene.instrument.chain.travel(curve.depth).max())
-        depth = deepest * np.arange(1, _CHECKED + 1) / _CHECKED
+        depth = deepest * np.arange(1, _POINTS + 1) / _POINTS
         try:
             with warnings.catch_warnings():
                 # That a law is used outside its range is said by its fit.
