@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -166,6 +167,32 @@ def test_damaged_curves_are_rows_with_reasons_and_harm_no_other(tmp_path, scene_
     pd.testing.assert_frame_equal(
         numbers(table)[kept].drop(columns="path"), numbers(whole)[kept].drop(columns="path"), check_exact=True
     )
+
+
+def test_a_curve_in_air_is_no_contact_for_a_map_and_for_a_single_fit():
+    """With labels too: the likelihood that a population needs is not asked of a curve without one."""
+    depth = np.linspace(-6e-7, 1e-6, 300)
+    air = [ul.Curve(depth, np.random.default_rng(seed).normal(0.0, 3e-11, 300)) for seed in range(3)]
+    scene = ul.Scene(ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(1e4, 0.5), 4e-6), ul.RIGID)
+    free = {
+        "layer.E": (10.0, 1e6),
+        "instrument.contact_depth": (-3e-7, 4e-7),
+        "instrument.baseline": None,
+    }
+    labels = [{"file": f"curve {number}", "animal": "M1"} for number in range(3)]
+    for options in (ul.MapOptions(), ul.MapOptions(answers=False)):
+        table = ul.fit_many(air, scene, free, manifest=labels, workers=0, options=options)
+        assert (table["status"] == "failed").all()
+        assert table["reason"].str.startswith("no contact: a constant force explains the curve").all()
+    for curve in air:
+        verdict = ul.fit(ul.Problem(scene, curve, free)).verdict
+        assert verdict == "reject"
+        assert verdict.reason.startswith("no contact: a constant force explains the curve")
+
+
+def test_a_folder_without_curves_is_named_as_it_was_given(tmp_path):
+    with pytest.raises(ul.InputError, match=f"^no curve in {re.escape(str(tmp_path))}: give a folder"):
+        ul.fit_many(tmp_path, SCENE, FREE, workers=0)
 
 
 def test_laws_are_shared_between_curves_of_other_thickness(curves, manifest, monkeypatch):

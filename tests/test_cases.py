@@ -6,6 +6,7 @@ import pytest
 import underlay as ul
 from support.real_data import real_file
 from underlay.data.readers import read_all
+from underlay.inference.batch.curves import list_curves
 from underlay.inference.from_files import load_problem
 
 NM, UM = 1e-9, 1e-6
@@ -93,6 +94,13 @@ def test_what_a_mac_puts_into_archives_is_left_out():
     curves = read_all(case("zip_macos.zip"))
     assert len(curves) == 2
     assert "__MACOSX/run/._c1.csv" in curves[0].metadata["notes"][0]
+
+
+def test_curves_of_an_archive_have_the_names_of_its_files():
+    assert [place.name for place in list_curves(case("zip_macos.zip"))] == [
+        "zip_macos.zip/run/c1.csv",
+        "zip_macos.zip/run/c2.csv",
+    ]
 
 
 def test_cycles_of_a_stiff_sample():

@@ -249,3 +249,23 @@ def test_input_that_is_refused_leaves_no_folder_behind(run, tmp_path, command):
         assert run(*words)[0] == 2
         # What was there before is left, however empty.
         assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.toml", "short.csv", "there"]
+
+
+def test_compare_says_what_a_curve_cannot_tell(done, tmp_path):
+    """A flat punch: every law is a straight line, and theory orders them."""
+    scene = tmp_path / "punch.toml"
+    scene.write_text(
+        '[indenter]\nshape = "flat_punch"\nradius = "0.6 mm"\n'
+        '[layer]\nE = "1 MPa"\nnu = 0.45\nthickness = "1 mm"\n[substrate]\nrigid = true\n'
+        '[fit]\nlayer.E = {min = "10 kPa", max = "100 MPa"}\n'
+        'instrument.contact_depth = {min = "-50 um", max = "50 um"}\ninstrument.baseline = {}\n'
+        '[simulate]\nstart = "-10 um"\nmax_depth = "40 um"\npoints = 200\n[noise]\nforce = "2 mN"\n',
+        encoding="utf-8",
+    )
+    done("simulate", scene, "--output", tmp_path / "punch.csv")
+    out = done("compare", tmp_path / "punch.csv", "--scene", scene)
+    rows = [text.split() for text in out.splitlines()]
+    first = next(i for i, row in enumerate(rows) if row and row[0] == "exact")
+    assert rows[first - 2][:2] == ["contact", "model"]
+    assert "This curve cannot tell exact, asymptotic:4" in out
+    assert "nu = 0.3 and 0.5 alone" in out

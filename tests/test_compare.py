@@ -117,3 +117,45 @@ def test_every_curve_of_a_joint_fit_answers_for_its_own_range():
     told = [str(warning) for warning in found.warnings if warning.code == "law-range"]
     assert len(told) == 1
     assert "outside its range on curve 2" in told[0]
+
+
+@pytest.fixture(scope="module")
+def punched():
+    """A flat punch: its force is a straight line, to whatever law it is fitted."""
+    scene = layer_on(ul.RIGID, indenter=ul.FlatPunch(6e-4), thickness=1e-3)
+    return ul.compare(problem(scene, [E, C], measured(scene, depth=4e-5, level=0.003)))
+
+
+def test_where_a_curve_tells_no_law_from_another_theory_orders_them(punched):
+    frame = punched.to_frame()
+    assert frame["AIC"].max() < 1e-3
+    assert punched.best == "exact"
+    assert punched.order == punched.alike
+    assert punched.order[-1] == "halfspace"
+    errors = [punched.errors[label] for label in punched.order]
+    assert errors == sorted(errors)
+
+
+@pytest.mark.filterwarnings("ignore::underlay.errors.UnderlayWarning")
+def test_the_error_of_a_law_is_that_against_the_exact_one(punched):
+    scene, frame = punched.fits["exact"].scene, punched.to_frame()
+    for label in ("halfspace", "asymptotic:4", "garcia2018"):
+        off = scene.contact_law(4e-5, solver=label).force(4e-5) / scene.contact_law(4e-5).force(4e-5) - 1.0
+        assert frame.loc[label, "law error"] == pytest.approx(abs(float(off)), rel=1e-3)
+    # What the modulus of a half-space is wrong by: a straight line hides all of it.
+    ratio = frame.loc["exact", E] / frame.loc["halfspace", E]
+    assert frame.loc["halfspace", "law error"] == pytest.approx(1.0 - ratio, rel=1e-3)
+
+
+def test_a_correction_for_this_punch_that_cannot_be_used_says_why(punched):
+    # Its table has columns for nu = 0.3 and 0.5; this layer has 0.45.
+    assert "nu = 0.3 and 0.5 alone" in punched.refused["hayes1972"]
+    assert "nu = 0.3 and 0.5 alone" in punched.to_frame().loc["hayes1972", "notes"]
+    # Those for spheres, or for an elastic base, are no candidates.
+    assert set(punched.refused) == {"hayes1972"}
+
+
+def test_a_curve_that_tells_laws_apart_orders_them_by_aic(comparison):
+    assert comparison.alike[0] == "exact"
+    assert comparison.order[-1] == "halfspace"
+    assert "halfspace" not in comparison.alike

@@ -132,3 +132,42 @@ def test_before_a_test_everything_must_be_said():
         ul.identifiability(scene, free=[E])
     with pytest.raises(ul.InputError, match="noise must be given"):
         ul.identifiability(scene, depth=np.linspace(0.0, 1e-4, 50), free=[E], noise=ul.Noise())
+
+
+@pytest.mark.parametrize("noise", [None, ul.Noise(force=2e-4)])
+def test_after_a_test_it_says_the_statistical_part_of_the_fit(noise):
+    scene = layer_on(ul.RIGID)
+    made = ul.synthesize(scene, np.linspace(-3e-5, 1.5e-4, 300), ul.Noise(force=2e-4), rng=1)
+    found = ul.fit(ul.Problem(scene, made, [E, C, "instrument.baseline"], noise))
+    told = ul.identifiability(found)
+    report = told.report().splitlines()
+    for name in found.names:
+        known = found.answer(name).statistical
+        assert told.intervals[name] == known
+        half = max(known.value - known.low, known.high - known.value)
+        written = ul.units.format_quantity(known.value, ul.quantities.kind_of(name), half)
+        assert f"{name}: {written} (95 %) is what this test can tell" in report
+    known = found.answer(E).statistical
+    half = 1.96 * told.combinations[0].relative_sd
+    assert half == pytest.approx(max(known.value - known.low, known.high - known.value) / known.value)
+    assert "the statistical part of a fit" in report[-1]
+
+
+def test_of_a_product_it_says_what_the_draws_of_the_fit_do():
+    scene = layer_on(ul.RIGID)
+    found = ul.fit(problem(scene, [E, H, C], measured(scene)))
+    told = ul.identifiability(found)
+    for one in told.combinations:
+        powers = [one.powers[E], one.powers[H]]
+        low, _, high = found.band(lambda p, powers=powers: np.prod(p[:, :2] ** powers, axis=1)[:, None])
+        assert 1.96 * one.relative_sd >= 0.5 * np.log(high[0] / low[0]) * (1.0 - 1e-9)
+
+
+def test_a_zero_is_written_in_the_unit_of_its_uncertainty():
+    scene = ul.Scene(ul.Paraboloid(1e-6), ul.Layer(ul.Isotropic(1e4, 0.5), 4e-6), ul.RIGID)
+    told = ul.identifiability(
+        scene, depth=np.linspace(-2e-7, 5e-7, 200), free=[E, C, "instrument.baseline"], noise=ul.Noise(1e-10)
+    )
+    half = 1.96 * told.stderr[C]
+    assert 1e-9 < half < 1e-8
+    assert f"{C}: 0.0 ± {1e9 * half:.1f} nm (95 %)" in told.report()

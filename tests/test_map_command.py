@@ -46,6 +46,23 @@ def test_it_writes_a_table_and_a_picture_and_names_what_failed(run, site, tmp_pa
     assert (tmp_path / "new" / "out" / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_next_step_names_the_groups(run, site, tmp_path):
+    words, folder = site
+    manifest = pd.read_csv(folder / "manifest.csv")
+    for column, groups, told in (
+        ("group", ["sham", "treated"], "--by animal --group group"),
+        ("group", ["sham", "sham"], "--by animal"),
+    ):
+        labels = {
+            "animal": [f"a{i % 6}" for i in range(COUNT)],
+            column: [groups[i % 2] for i in range(COUNT)],
+        }
+        manifest.assign(**labels).to_csv(folder / "manifest.csv", index=False)
+        code, out, _ = run(*words, "--quick", "--output", tmp_path / f"out-{groups[1]}")
+        assert code == 0
+        assert out.splitlines()[-1 if "failed" not in out.splitlines()[-1] else -2].endswith(told)
+
+
 def test_a_review_is_filled_in_and_read_back(run, site, tmp_path):
     words, _ = site
     out = tmp_path / "out"

@@ -1,5 +1,7 @@
 """Planning: what the grid promises is what a fit of such a test finds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,42 @@ def test_bad_input(change, error, message):
 def test_a_tip_without_a_radius():
     with pytest.raises(ul.ParameterError, match="does not have"):
         ul.plan(layer_on(ul.RIGID, indenter=ul.Cone(1.2)), free=[E], noise=NOISE, radii=[1e-3], depths=[1e-5])
+
+
+def test_stated_uncertainties_decide_where_the_noise_is_small():
+    """A wide flat punch on a thin layer is read best, and depends most on Poisson's ratio."""
+    free = {E: (1e4, 1e8), C: (-5e-5, 5e-5)}
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3)
+    known = ul.Scene(ul.FlatPunch(6e-4), layer, ul.RIGID)
+    unsure = replace(known, uncertainties={"layer.nu": 0.02, "layer.thickness": 2e-5})
+    asked = {"free": free, "noise": ul.Noise(force=2e-3), "radii": [3e-4, 6e-4, 3e-3], "depths": [4e-5]}
+    alone, whole = ul.plan(known, **asked), ul.plan(unsure, **asked)
+    assert alone.combined is None
+    assert alone.best[0] == 3e-3
+    assert whole.stderr == pytest.approx(alone.stderr)
+    assert whole.best[0] == 3e-4
+    assert whole.combined[2, 0] > 3.0 * whole.combined[0, 0]
+    # What a fit of such a test says.
+    for i, radius in enumerate(asked["radii"][:2]):
+        scene = unsure.with_values({"indenter.radius": radius})
+        curve = ul.simulate(scene, np.linspace(-4e-5 / 3.0, 4e-5, 200), time=np.linspace(0.0, 1.0, 200))
+        told = ul.fit(ul.Problem(scene, curve, free, ul.Noise(force=2e-3))).answer(E)
+        # To first order in uncertainties of up to 7 %, and without the mean shift of friction.
+        assert 1.96 * whole.combined[i, 0] == pytest.approx(0.5 * (told.high - told.low), rel=0.05)
+    share = 100.0 * 1.96 * whole.combined[0, 0] / 1e6
+    assert f"({share:.2g} %) at 95 %, with the uncertainties of inputs and model" in whole.recommendation
+    assert "from the noise alone" in whole.recommendation
+    assert whole.to_frame().iloc[1, 0] == whole.combined[1, 0]
+    assert whole.second(6e-4, 4e-5).combined is None
+
+
+def test_a_sample_that_remembers_is_planned_with_its_motion():
+    """Without times a test would be taken to last a second, in which no relaxation of a minute is seen."""
+    relaxing = replace(SCENE, layer=replace(SCENE.layer, relaxation=ul.Prony((0.3,), (3.0,))))
+    asked = {"free": [E, C], "noise": NOISE, "radii": [1e-3], "depths": [1e-4]}
+    with pytest.raises(ul.InputError, match="planned with the motion of the test"):
+        ul.plan(relaxing, **asked)
+    time = np.linspace(0.0, 61.0, 200)
+    record = (np.minimum(time, 1.0) - 0.25, time)
+    free = [E, C, "layer.relaxation.fractions[0]", "layer.relaxation.times[0]"]
+    assert np.isfinite(ul.plan(relaxing, **asked | {"free": free}, record=record).stderr).all()

@@ -270,6 +270,17 @@ def test_plan_puts_its_star_on_the_recommendation(planned):
     assert star.get_xdata()[0] * 1e-3 == pytest.approx(planned.best[0])
 
 
+def test_identifiability_says_its_level_and_is_read_on_its_bar(fit):
+    told = ul.identifiability(fit)
+    upper = ul.plots.identifiability(told)
+    bars = next(ax for ax in upper.get_figure().axes if "95 %" in ax.get_xlabel())
+    for one, text, bar in zip(told.combinations, bars.texts, bars.patches, strict=True):
+        half = 1.96 * one.relative_sd
+        assert text.get_text() == f"± {100.0 * half:.2g} %"
+        inside = text.get_position()[0] < bar.get_width()
+        assert text.get_color() == ("white" if inside and one.verdict == "fixed" else ul.plots.style.INK)
+
+
 def test_map_shows_every_site_and_says_what_is_missing():
     table = site_table()
     ax = ul.plots.map(table)

@@ -3,6 +3,7 @@
 import csv
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,6 +16,7 @@ from support.populations import made_study, table_of
 from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import BETWEEN, WITHIN, Grid
+from underlay.inference.uncertainty.answer import Interval
 from underlay.report import screen
 from underlay.report.maps import (
     comparison_table,
@@ -81,6 +83,22 @@ def test_answers_give_their_own_ends():
     interval = found.interval("layer.E", two, part="statistical")
     assert one.places[1] == pytest.approx(math.log(interval.low), abs=1e-9)
     assert one.places[5] == pytest.approx(math.log(interval.high), abs=1e-9)
+
+
+def test_a_curve_that_says_nothing_has_a_flat_likelihood():
+    """Every interval is open on both sides, also the narrowest."""
+    open_one = Interval("layer.E", 0.95, 2e3, -math.inf, math.inf)
+    one = CurveLikelihood.of_answers(lambda *_: SimpleNamespace(statistical=open_one), "layer.E")
+    assert (one.log_at(np.log([1.0, 2e3, 1e9])) == 0.0).all()
+    assert one.is_open
+
+    def bounded_below(name, level):
+        return SimpleNamespace(statistical=Interval(name, level, 2e3, 1e3 * (1.0 - level), math.inf))
+
+    one = CurveLikelihood.of_answers(bounded_below, "layer.E")
+    assert one.middle == pytest.approx(math.log(1e3 * (1.0 - 0.02)))
+    assert (one.log_at(np.log([2e3, 1e9])) == 0.0).all()
+    assert one.log_at(np.log([1e2]))[0] < -0.5
 
 
 # --- the model
@@ -270,6 +288,29 @@ def test_groups_are_compared_as_ratios():
     sham = shared.groups["sham"]
     assert math.log(sham.high / sham.low) > 2 * 1.96 * 0.1
     assert len(found.groups["sham"].unit_values) == 6  # "a0" in two groups is two animals
+
+
+def test_groups_that_are_taken_as_one_are_named():
+    rng = np.random.default_rng(8)
+    first, labels = made_study(rng, animals=6, sites=6, between=0.1, within=0.1)
+    second, _ = made_study(rng, animals=6, sites=6, between=0.1, within=0.1, mean=math.log(0.5))
+    table = pd.concat([table_of(first, labels, treatment="sham"), table_of(second, labels, treatment="drug")])
+    together = ul.population(table)
+    assert together.apart == "treatment"
+    verdict = population_verdict(together)
+    assert verdict == "check"
+    assert "the column treatment tells groups apart" in verdict.reason
+    assert "--group treatment" in verdict.next
+    apart = ul.population(table, group="treatment")
+    assert apart.apart == ""
+    assert population_verdict(apart) == "good"
+    assert population_verdict(ul.population(table[table["treatment"] == "sham"])) == "good"
+
+
+def test_one_animal_is_no_plural():
+    rng = np.random.default_rng(8)
+    found = ul.population(table_of(*made_study(rng, animals=1, sites=6, between=0.1, within=0.1)))
+    assert [of for _, _, of in means_in_words(found)] == ["1 animal, 6 curves"]
 
 
 def test_the_page_of_a_map_says_what_its_animals_say():

@@ -233,6 +233,35 @@ def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):
     assert (source.count("<svg"), source.count("<img")) == (2, 1)
 
 
+def test_numbers_of_a_map_are_of_the_curves_that_are_not_rejected(map_page, tmp_path):
+    table = map_page[0].assign(verdict=["good", "check", "reject", "reject", "good", "refused"])
+    table["layer.E"] = [1e6, 4e6, 1e9, 2e9, 9e6, np.nan]
+    lines = " ".join(" ".join(screen.map_lines(table)).split())
+    assert "median E = 4.0 MPa, middle half 2.5 to 6.5 MPa (3 curves; 2 rejected are left out)" in lines
+    text = page_text(ul.report(table, tmp_path / "map.html"))
+    assert (
+        "median 4.0 MPa middle half of the sites: 2.5 to 6.5 MPa, 3 curves; 2 rejected are left out" in text
+    )
+
+
+def test_a_map_of_rejected_curves_says_that_it_has_no_number(map_page, tmp_path):
+    table = map_page[0].assign(verdict=[*["reject"] * 5, "refused"])
+    told = "the model is rejected for 5 curves, and no other has a fit"
+    assert f"no number: {told}" in " ".join(" ".join(screen.map_lines(table)).split())
+    assert f"Layer modulus E none {told}" in page_text(ul.report(table, tmp_path / "map.html"))
+    # One that a person accepted counts.
+    accepted = table.assign(decision=["accept", *[""] * 5])
+    assert "median E = 1.00 MPa" in " ".join(screen.map_lines(accepted))
+
+
+def test_a_map_cites_every_work_that_it_lists(map_page):
+    text = page_text(map_page[1])
+    numbers = set(re.findall(r"\[(\d+)\]", text))
+    assert len(numbers) > 1
+    for number in numbers:
+        assert text.count(f"[{number}]") == 2
+
+
 def test_a_curve_is_no_map(tmp_path):
     assert not is_map(SAMPLES / "cartilage_on_bone.csv")
     wrong = tmp_path / "x.csv"

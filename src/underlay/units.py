@@ -433,12 +433,14 @@ def format_quantity(
     '0.42 MPa'
     >>> format_quantity(1.5034e-3, "length", 2.1e-5)
     '1.503 ± 0.021 mm'
+    >>> format_quantity(0.0, "length", 1.5e-9)
+    '0.0 ± 1.5 nm'
     """
-    unit, factor = human_unit(value, kind)
-    scaled = value / factor
-    suffix = f" {unit}" if unit else ""
     if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0.0:
         return _written(value, kind, digits)
+    unit, factor = human_unit(max(abs(value), uncertainty), kind)
+    scaled = value / factor
+    suffix = f" {unit}" if unit else ""
     error = uncertainty / factor
     decimals = max(0, 1 - math.floor(math.log10(error)))
     if decimals > 12:

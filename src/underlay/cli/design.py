@@ -129,6 +129,19 @@ class _Test:
         return Noise(force=force)
 
     @property
+    def record(self) -> tuple[FloatArray, FloatArray] | None:
+        """Depths since contact (m) and times (s) of a sample that remembers, of the curve or [simulate]."""
+        if self.scene.memory is None:
+            return None
+        if self.curve is not None:
+            depth, time = self.curve.depth, self.curve.time
+        elif self.file.simulate is not None:
+            depth, time = self.file.simulate.depth, self.file.simulate.time
+        else:
+            return None
+        return None if time is None else (depth - (depth.max() - self.deepest), time)
+
+    @property
     def depths(self) -> SimulatedDepths:
         """The depth readings of [simulate], else a ramp of 200 points, a quarter of them before contact."""
         from underlay.scene.program import SimulatedDepths
@@ -183,6 +196,7 @@ def plan(
         depths=np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest if depths is None else _grid(depths),
         parameter=parameter,
         solver=test.solver,
+        record=test.record,
     )
     say(labelled(planned.recommendation))
     stem = f"{scene.stem}.plan"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import textwrap
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 # Difference of AIC up to which a model is not clearly worse than another (Burnham and Anderson 2002, section 2.6).
 _AS_GOOD = 10.0
+# Letters on a line of a column's title.
+_TITLE = 24
 _SAMPLES = (
     ("chiaro_cell_indentation.csv", "chiaro_cell.toml", "A real curve: a cell under an Optics11 Chiaro."),
     ("cartilage_on_bone.csv", "cartilage_on_bone.toml", "Made data: a ball on cartilage on bone."),
@@ -114,6 +117,7 @@ def compare(
 
     Example: `underlay compare curve.csv --scene scene.toml --output results`
     """
+    from underlay.report.labels import listed
     from underlay.report.limits import bonds_sentences
     from underlay.scene.scene import has_face
 
@@ -124,6 +128,9 @@ def compare(
         faces = all(has_face(one) for one in problem.base_scenes)
         bonds = ul.compare_bonds(problem) if faces else None
     say_table(_laws_shown(laws), f"{curve.name} under each contact model, best first")
+    if len(laws.alike) > 1:
+        told = f"This curve cannot tell {listed(laws.alike)} apart (AIC within 2)"
+        say(f"{told}: the exact model comes first, then those nearest to it.")
     if bonds is not None:
         say("Lower face of the layer", *(f"  {sentence}" for sentence in bonds_sentences(bonds)))
     say_warnings([*_on_the_best(laws), *notes])
@@ -133,18 +140,24 @@ def compare(
 
 def _laws_shown(laws: Comparison) -> pd.DataFrame:
     """Return the sample's numbers by contact model, in units for people; the file has all numbers, and errors."""
+    import numpy as np
+    import pandas as pd
+
     from underlay.quantities import path_of
     from underlay.report.labels import is_of_the_sample, label
     from underlay.scene.parameters import kind_of
     from underlay.units import human_unit
 
-    frame = laws.to_frame().reindex(list(laws.fits)).sort_values("AIC").rename_axis("contact model")
-    shown = frame[[]].copy()
+    frame = laws.to_frame().reindex(list(laws.order)).rename_axis("contact model")
+    # A number that says nothing of the law's error is left empty.
+    errors = 100.0 * frame["law error"].where(np.isfinite(frame["law error"]))
+    shown = pd.DataFrame({"AIC": frame["AIC"].round(1), "model error (%)": errors.round(3)})
     for name in filter(is_of_the_sample, laws.names):
         unit, factor = human_unit(float(frame[name].abs().median()), kind_of(path_of(name)))
-        shown[f"{label(name)} ({unit})" if unit else label(name)] = frame[name] / factor
+        title = f"{label(name)} ({unit})" if unit else label(name)
+        shown["\n".join(textwrap.wrap(title, _TITLE))] = frame[name] / factor
     unit, factor = human_unit(float(frame["rms residual"].min()), "force")
-    return shown.assign(**{f"residuals, rms ({unit})": frame["rms residual"] / factor, "AIC": frame["AIC"]})
+    return shown.assign(**{f"residuals, rms ({unit})": frame["rms residual"] / factor})
 
 
 def _on_the_best(laws: Comparison) -> Iterator[str]:

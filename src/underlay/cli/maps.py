@@ -70,6 +70,7 @@ def map_curves(
     """
     from underlay.inference.batch.decisions import without_refused
     from underlay.inference.batch.results_table import write_frame
+    from underlay.inference.population.selection import group_column
     from underlay.report.screen import assumed_words, line, written_line
     from underlay.scene.scene_file import read_scene_file
 
@@ -108,8 +109,10 @@ def map_curves(
         say(line("Assumed", assumed))
     say(written_line([path, *_draw(counted, folder)], folder, path.stem))
     if "animal" in counted:
+        column = group_column(counted)
+        groups = f" --group {shlex.quote(column)}" if column else ""
         # A command is not broken: it is copied.
-        say(f"{line('Next step', ''):<16}underlay population {shlex.quote(str(path))} --by animal")
+        say(f"{line('Next step', ''):<16}underlay population {shlex.quote(str(path))} --by animal{groups}")
     if review:
         # As `fit_many` listed the curves.
         own = [entry for entry in (manifest, scene, path) if entry is not None]

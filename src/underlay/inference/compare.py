@@ -6,8 +6,10 @@ layer's lower face bonded and free to slip; `laws_at_contact` is a quick estimat
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -15,12 +17,12 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay._given import require_given
 from underlay.data.curve import Curve
-from underlay.errors import FitError, InputError, ParameterError
+from underlay.errors import FitError, InputError, ParameterError, UnderlayWarning
 from underlay.inference.from_files import chosen_part, problem_from
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.problem import Problem
-from underlay.mechanics.published.law import published_names
+from underlay.mechanics.published.law import is_made_for, published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Exact, HalfSpace, Published, as_solver
 from underlay.quantities import declared
@@ -34,8 +36,10 @@ _UNSEEN = ("layer.thickness", "substrate.")
 # Names of the bonds, and the corresponding values of a layer's `bond`.
 _BONDS = {"bonded": "bonded", "slipping": "slip"}
 _CONTACT, _MODULUS = "instrument.contact_depth", "layer.E"
-# Number of points of a drawn line.
+# Number of points of a drawn line, and of the depths at which the force of a law is checked.
 _POINTS = 300
+# Difference of AIC up to which a curve does not tell two laws apart (Burnham and Anderson 2002, section 2.6).
+_ALIKE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +65,7 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """Label of the solver with the smallest AIC.
+        """Label of the first solver of `order`.
 
         Raises
         ------
@@ -70,7 +74,38 @@ class Comparison:
         """
         if not self.fits:
             raise FitError(f"no law could be fitted: {dict(self.refused)}")
-        return min(self.fits, key=lambda label: self.fits[label].statistics.aic)
+        return self.order[0]
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Labels of the fits, best first: those of `alike` by their errors, then the others by AIC."""
+        others = sorted(set(self.fits) - set(self.alike), key=lambda label: self.fits[label].statistics.aic)
+        return (*self.alike, *others)
+
+    @cached_property
+    def alike(self) -> tuple[str, ...]:
+        """Labels of the laws that the data do not tell from the one of least AIC, itself included.
+
+        Their AIC is within 2 of the least. The data prefer none of them, so theory does: the exact law is first,
+        then come the others by their error.
+        """
+        by_aic = {label: found.statistics.aic for label, found in self.fits.items()}
+        least = min(by_aic.values(), default=0.0)
+        alike = [label for label, aic in by_aic.items() if aic <= least + _ALIKE]
+        exact = {label: isinstance(self.fits[label].solver, Exact) for label in alike}
+        return tuple(sorted(alike, key=lambda label: (not exact[label], self.errors[label])))
+
+    @cached_property
+    def errors(self) -> Mapping[str, float]:
+        """Largest relative error of each law's force between contact and the deepest reading.
+
+        It is measured against the exact law, at the numbers of the fit whose law states the smallest error. Where
+        one of the two laws is not for these numbers, it is the error that the law states.
+        """
+        if not self.fits:
+            return {}
+        trusted = min(self.fits.values(), key=lambda found: found.statistics.law_error)
+        return {label: _error(trusted, found) for label, found in self.fits.items()}
 
     def to_frame(self) -> pd.DataFrame:
         """One row per solver.
@@ -80,7 +115,7 @@ class Comparison:
         pandas.DataFrame
             Index ``solver``; every parameter and its standard error (SI, NaN where the law does not have it),
             ``chi-square`` with the noise of the best fit, ``rms residual`` (N), ``AIC`` and ``BIC`` above the
-            smallest, ``law error`` (relative) and ``notes``.
+            smallest, ``law error`` (of `errors`) and ``notes``.
         """
         rows = {label: self._row(label) for label in self.fits}
         rows |= {label: {"notes": reason} for label, reason in self.refused.items()}
@@ -99,9 +134,9 @@ class Comparison:
             for residual, sigma in zip(found.residuals, best.sigmas, strict=True)
         )
         row["rms residual"] = float(np.sqrt(np.mean(np.square(np.concatenate(found.residuals)))))
-        row["AIC"] = found.statistics.aic - best.statistics.aic
+        row["AIC"] = found.statistics.aic - min(f.statistics.aic for f in self.fits.values())
         row["BIC"] = found.statistics.bic - min(f.statistics.bic for f in self.fits.values())
-        row["law error"] = found.statistics.law_error
+        row["law error"] = self.errors[label]
         row["notes"] = "; ".join(self._notes(label))
         return row
 
@@ -110,11 +145,29 @@ class Comparison:
         notes = [
             warning.message
             for warning in found.warnings
-            if warning.code in {"law-range", "law-error", "bound", "not-fixed", "not-converged"}
+            if warning.code in {"law-range", "bound", "not-fixed", "not-converged"}
         ]
         if self.dropped.get(label):
             notes.append(f"does not know {', '.join(self.dropped[label])}")
         return notes
+
+
+def _error(trusted: Fit, fit: Fit) -> float:
+    """Largest relative error of the force of a fit's law, against the exact law at the numbers of another fit."""
+    errors = []
+    for scene, curve in zip(trusted.scenes, trusted.curves, strict=True):
+        deepest = float(scene.instrument.chain.travel(curve.depth).max())
+        depth = deepest * np.arange(1, _POINTS + 1) / _POINTS
+        try:
+            with warnings.catch_warnings():
+                # That a law is used outside its range is said by its fit.
+                warnings.simplefilter("ignore", UnderlayWarning)
+                exact, law = (scene.contact_law(deepest, solver=one) for one in (Exact(), fit.solver))
+        except InputError:
+            return fit.statistics.law_error
+        off = np.abs(law.force(depth) / exact.force(depth) - 1.0).max()
+        errors.append(float(off) + exact.error_estimate)
+    return max(errors)
 
 
 def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Comparison:
@@ -126,7 +179,7 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
         Data, free parameters and noise; its own solver is not used.
     solvers : sequence of Solver or str, optional
         As for `contact_law`, ``"asymptotic:2"`` for an order. By default the half-space, orders 1 to 4, the exact
-        law, and every published correction that applies to this indenter, layer and substrate.
+        law, and every published correction that is made for this kind of indenter and substrate.
 
     Returns
     -------
@@ -139,8 +192,9 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
         If no solver is named.
     """
     require_given(problem, "problem", Problem)
-    candidates = [Published(name) for name in published_names()] if solvers is None else []
-    asked = [*_DEFAULT, *candidates] if solvers is None else list(solvers)
+    contacts = [scene.contact for scene in problem.base_scenes]
+    published = [name for name in published_names() if all(is_made_for(name, one) for one in contacts)]
+    asked = [*_DEFAULT, *map(Published, published)] if solvers is None else list(solvers)
     if not asked:
         raise InputError("name at least one solver to compare")
     fits: dict[str, Fit] = {}
@@ -157,8 +211,6 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
             posed, dropped[label] = _posed(problem, solver)
             fits[label] = quick_fit(posed)
         except (InputError, FitError) as error:
-            if solver in candidates:
-                continue  # a correction for another indenter or base is no candidate here
             refused[label] = str(error)
     return Comparison(problem.names, fits, refused, dropped)
 

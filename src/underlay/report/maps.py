@@ -19,7 +19,7 @@ from underlay.inference.batch.results_table import FITTED, fitted_names, standar
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.uncertainty.answer import NORMAL_95, Advice
 from underlay.report.labels import label
-from underlay.report.screen import interval_text, line, name_of, verdict_lines
+from underlay.report.screen import counted, interval_text, line, name_of, verdict_lines
 from underlay.report.tables import labelled_table, provenance_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -239,9 +239,9 @@ def comparison_table(result: Population) -> pd.DataFrame:
 def means_in_words(result: Population) -> Iterator[tuple[str, str, str]]:
     """Yield for each group its name, its mean with interval, and the numbers of units and curves, all as text."""
     for name, group in result.groups.items():
-        units = f"{group.units} {result.by[0]}s, " if result.by else ""
+        units = f"{counted(group.units, result.by[0])}, " if result.by else ""
         mean = interval_text(group.mean, group.low, group.high, kind_of(result.parameter))
-        yield one_line(name), mean, f"{units}{group.curves} curves"
+        yield one_line(name), mean, f"{units}{counted(group.curves, 'curve')}"
 
 
 def population_lines(result: Population) -> list[str]:
@@ -271,7 +271,7 @@ def population_lines(result: Population) -> list[str]:
     if result.shared_error:
         lines.append(line("Systematic", shared_error_words(result)))
     if result.left_out:
-        lines.append(line("Left out", f"{len(result.left_out)} curves (--details says why)"))
+        lines.append(line("Left out", f"{counted(len(result.left_out), 'curve')} (--details says why)"))
     return "\n".join(lines).splitlines()
 
 
@@ -292,6 +292,13 @@ def population_verdict(result: Population) -> Advice:
         cause = f"the {level} of each curve is not named"
         return Advice(
             "check", "the interval holds for these sites alone", cause, f"name the {level} of each curve"
+        )
+    if result.apart:
+        return Advice(
+            "check",
+            f"the column {result.apart} tells groups apart, which are taken as one here",
+            "a mean over groups that differ holds for none of them",
+            f"compare them: --group {result.apart} (in Python group={result.apart!r})",
         )
     cause = f"only {worst.units} {level}s; curves of one {level} are not independent"
     if worst.units == 1:

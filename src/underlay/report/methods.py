@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from underlay._version import VERSION
@@ -95,9 +95,14 @@ def _model(fit: Fit) -> str:
         "A force-indentation curve was" if number == 1 else f"{number} force-indentation curves were jointly"
     )
     law = _LAWS.get(fit.statistics.law_method, f"the contact model {fit.statistics.law_method}")
-    after = ", ".join(f"[{n}]" for n in range(2, len(cited_works(fit.used)) + 1))
-    cited = f"underlay {VERSION} [1]{f'; after {after}' if after else ''}"
+    cited = citation_words(cited_works(fit.used))
     return f"{curves} fitted with {law} for a {tip_words(scene)}, on {sample_words(scene)} ({cited})."
+
+
+def citation_words(works: Sequence[Work]) -> str:
+    """Return this program and the works it followed, with their numbers: ``"underlay 1.0 [1]; after [2]"``."""
+    after = ", ".join(f"[{n}]" for n in range(2, len(works) + 1))
+    return f"underlay {VERSION} [1]{f'; after {after}' if after else ''}"
 
 
 def _parameters(fit: Fit) -> str:

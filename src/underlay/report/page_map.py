@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from underlay._version import VERSION
-from underlay.inference.batch.decisions import without_refused
+from underlay.inference.batch.decisions import not_rejected, without_refused
 from underlay.inference.batch.results_table import FITTED
 from underlay.inference.citation import used_by
 from underlay.inference.uncertainty.answer import Advice
 from underlay.report import maps, page, plots
 from underlay.report.details import Part, Picture
 from underlay.report.labels import label, start
-from underlay.report.methods import cited_works
-from underlay.report.screen import name_of, site_numbers, verdict_counts
+from underlay.report.methods import citation_words, cited_works
+from underlay.report.screen import counted_words, name_of, site_numbers, verdict_counts
 
 if TYPE_CHECKING:
     from underlay.inference.population.result import Population
@@ -41,9 +40,14 @@ class MapPage(page.Page[pd.DataFrame]):
         return without_refused(self.result)
 
     @cached_property
+    def trusted(self) -> pd.DataFrame:
+        """The rows of `sites` that the numbers on the page are made of: those whose model is not rejected."""
+        return not_rejected(self.sites)
+
+    @cached_property
     def parameters(self) -> list[str]:
         """Parameters of the sample with a finite value at one site or more."""
-        return maps.known_parameters(self.sites)
+        return maps.known_parameters(self.trusted if len(self.trusted) else self.sites)
 
     @property
     def fitted(self) -> int:
@@ -79,11 +83,13 @@ class MapPage(page.Page[pd.DataFrame]):
         )
 
     def _number(self, name: str, place: int) -> str:
-        sites = site_numbers(self.sites, name)
-        number, _, unit = sites.median.partition(" ")
         title, letter = name_of(name)
+        if not len(self.trusted):
+            return page.number_block(f"{title} {letter}", "none", "", counted_words(self.sites), "second")
+        sites = site_numbers(self.trusted, name)
+        number, _, unit = sites.median.partition(" ")
         each = f"; one curve {sites.each}" if sites.each else ""
-        under = f"middle half of the sites: {sites.half}{each}"
+        under = f"middle half of the sites: {sites.half}, {counted_words(self.sites)}{each}"
         return page.number_block(f"{title} {letter}, median", number, unit, under, "second" if place else "")
 
     def _verdict(self) -> str:
@@ -101,22 +107,24 @@ class MapPage(page.Page[pd.DataFrame]):
         if self.parameters:
             draw = partial(plots.histogram, self.sites, self.parameters[0])
             alt = f"Histogram of the {label(self.parameters[0])}."
-            yield page.figure(Picture("histogram", draw, alt, "All sites."), _SMALL, "side")
+            yield page.figure(Picture("histogram", draw, alt, "All sites that count."), _SMALL, "side")
 
     def _methods(self) -> str:
         laws = [str(law) for law in self.sites.get("law", []) if isinstance(law, str)]
-        first = f"{len(self.sites)} force-indentation curves were fitted one by one (underlay {VERSION} [1])"
+        works = cited_works(used_by(laws))
+        first = f"{len(self.sites)} force-indentation curves were fitted one by one ({citation_words(works)})"
         sentences = [f"{first}; {self.fitted} gave a number."]
-        for name in self.parameters:
-            sites = site_numbers(self.sites, name)
+        for name in self.parameters if len(self.trusted) else ():
+            sites = site_numbers(self.trusted, name)
             sentences.append(
-                f"{start(label(name))}: median {sites.median}, middle half of the sites {sites.half}."
+                f"{start(label(name))}: median {sites.median}, middle half of the sites {sites.half} "
+                f"({counted_words(self.sites)})."
             )
-        return page.methods_block(" ".join(sentences), cited_works(used_by(laws)))
+        return page.methods_block(" ".join(sentences), works)
 
     def parts(self) -> Iterator[Part]:
         """Yield the numbers, further maps, decisions by hand, failures and provenance."""
-        yield Part("Numbers of the sample", "", [maps.parameter_table(self.sites)])
+        yield Part("Numbers of the sample", "", [maps.parameter_table(self.trusted)])
         yield Part("More maps", "each number by position, and the verdicts", list(self._more_maps()))
         decided = [maps.decision_table(self.result)] if maps.decision_words(self.result) else []
         yield Part("Decisions by hand", "", decided)

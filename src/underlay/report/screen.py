@@ -18,6 +18,7 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay.errors import UnderlayError
+from underlay.inference.batch.decisions import not_rejected
 from underlay.inference.batch.results_table import fitted_names
 from underlay.inference.sampling.derived import DERIVED
 from underlay.inference.uncertainty.answer import Advice, Answer, Contribution
@@ -439,19 +440,25 @@ def _sampling(told: SamplingDiagnostics) -> str:
 # --- a map --------------------------------------------------------------------------------------------------
 def map_lines(table: pd.DataFrame) -> list[str]:
     """Return the short text of a map, by lines: median of each number, uncertainty of one curve, verdicts."""
-    fitted = table[table["status"] == "fitted"]
+    trusted, of = not_rejected(table), counted_words(table)
     lines: list[str] = []
     for name in (name for name in fitted_names(table.columns) if is_of_the_sample(name)):
-        if not np.isfinite(fitted[name].to_numpy(dtype=float)).any():
+        if not np.isfinite(table[name].to_numpy(dtype=float)).any():
             continue
-        (own, letter), sites = name_of(name), site_numbers(fitted, name)
-        if sites.is_open == len(fitted):
+        own, letter = name_of(name)
+        if not len(trusted):
+            lines.append(line(own, f"no number: {of}"))
+            continue
+        if not np.isfinite(trusted[name].to_numpy(dtype=float)).any():
+            continue
+        sites = site_numbers(trusted, name)
+        if sites.is_open == len(trusted):
             lines.append(line(own, "not determined by any curve"))
             continue
-        lines.append(line(own, f"median {letter} = {sites.median}, middle half {sites.half}"))
+        lines.append(line(own, f"median {letter} = {sites.median}, middle half {sites.half} ({of})"))
         lines += [line("One curve", sites.each)] if sites.each else []
         lines += (
-            [line("", f"not determined by {sites.is_open} of {len(fitted)} curves")] if sites.is_open else []
+            [line("", f"not determined by {sites.is_open} of {len(trusted)} curves")] if sites.is_open else []
         )
     lines.append(line("Curves", f"{len(table)}: {verdict_counts(table)}"))
     if "layer.E.syst.low" in table.columns:
@@ -459,6 +466,21 @@ def map_lines(table: pd.DataFrame) -> list[str]:
             line("Shared by all", "errors of inputs and model shift all curves alike: no mean reduces them")
         )
     return "\n".join(lines).splitlines()
+
+
+def counted_words(table: pd.DataFrame) -> str:
+    """Say how many curves the numbers of a map are made of: ``"6 curves; 1 rejected is left out"``."""
+    kept, fitted = len(not_rejected(table)), int((table["status"] == "fitted").sum())
+    left = fitted - kept
+    if not kept:
+        return f"the model is rejected for {counted(left, 'curve')}, and no other has a fit"
+    out = f"; {left} rejected {'is' if left == 1 else 'are'} left out" if left else ""
+    return f"{counted(kept, 'curve')}{out}"
+
+
+def counted(number: int, what: str) -> str:
+    """Return a number of things: ``"1 animal"``, ``"2 animals"``."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def verdict_counts(table: pd.DataFrame) -> str:

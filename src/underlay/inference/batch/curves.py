@@ -110,7 +110,8 @@ def list_curves(
     else:
         places = _of_several(curves)
     if not places:
-        raise InputError(f"no curve in {curves!r:.200}: give a folder with curve files, files, or curves")
+        where = str(curves) if isinstance(curves, os.PathLike) else repr(curves)
+        raise InputError(f"no curve in {where:.200}: give a folder with curve files, files, or curves")
     twice = [name for name, count in Counter(place.name for place in places).items() if count > 1]
     if twice:
         raise InputError(
@@ -206,7 +207,16 @@ def _of_path(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[C
     tests = read_all(path)
     if len(tests) == 1:
         return [CurvePlace(0, path.name, file)]
-    return [CurvePlace(number, f"{path.name}#{number + 1}", file, test) for number, test in enumerate(tests)]
+    # Of an archive, the names of its files.
+    members = [str(test.metadata.get("member") or "") for test in tests]
+    names = [
+        f"{path.name}/{member}" if member and members.count(member) == 1 else f"{path.name}#{number}"
+        for number, member in enumerate(members, start=1)
+    ]
+    return [
+        CurvePlace(number, name, file, test)
+        for number, (name, test) in enumerate(zip(names, tests, strict=True))
+    ]
 
 
 def _of_folders(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[CurvePlace]:

@@ -24,6 +24,7 @@ from underlay._text import names_there, one_line, unguarded_cell
 from underlay.errors import InputError
 from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, fitted_names, read_parquet
 from underlay.inference.uncertainty.answer import NORMAL_95
+from underlay.inference.uncertainty.verdict import REJECT
 
 #: Name of the table that a review writes.
 DECISIONS = "decisions.csv"
@@ -186,6 +187,14 @@ def _rows(text: str) -> Iterator[tuple[int, str, str, str]]:
         curve, word, reason = (unguarded_cell(cells[place]) for place in places)
         if curve.strip():
             yield line, curve, word.strip().lower(), one_line(" ".join(reason.split()), _LONGEST)
+
+
+def not_rejected(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a map's table with a fit whose model is not rejected, or which a person accepted all the same."""
+    trusted = table["verdict"] != REJECT
+    if _DECISION in table.columns:
+        trusted |= table[_DECISION] == ACCEPT
+    return table[(table["status"] == FITTED) & trusted]
 
 
 def without_refused(table: pd.DataFrame) -> pd.DataFrame:

@@ -36,6 +36,7 @@ from underlay.inference.batch.separable import SeparableModel, separable_warning
 from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fit_warnings import NO_CONTACT, no_contact
 from underlay.inference.least_squares.provenance import STATED, curve_hash, instrument_modulus
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
@@ -50,9 +51,6 @@ if TYPE_CHECKING:
 _MODULUS = "layer.E"
 #: Reason in the row of a curve that is given up because worker processes died on it.
 DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
-# Squared standard deviations by which a contact must explain the force better than a straight line: three free
-# parameters reach 30 by chance in one curve of a million.
-_NO_CONTACT = 30.0
 _MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
 # Largest ratio of the arms of an interval of ln E, and longest arm, for a normal density.
 _LOPSIDED, _WIDE = 1.5, 0.4
@@ -194,7 +192,6 @@ class CurveFitter:
             quality.require()
             notes = quality.reasons
         outcome = self._fast(place, curve) or self._thorough(place, curve)
-        _require_contact(curve, outcome)
         row.update(outcome.values)
         if "layer.E" in outcome.values and STATED in curve.metadata:
             stated = instrument_modulus(self._fitted(place, outcome), curve)
@@ -237,13 +234,15 @@ class CurveFitter:
         if pressed > known.get("layer.thickness", np.inf):
             return None  # deeper than the layer's thickness: the general fit reports what that means
         noise, n, k = found.noise, len(curve), len(paths)
+        notes = separable_warnings(found, lambda: self._problem(place, curve))
+        _require_contact(no_contact(curve.depth, curve.force, found.sum_of_squares, paths), notes)
         return _Found(
             fitted,
             dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
             found.law_method,
             found.sum_of_squares / noise**2 / (n - k),
             found.sum_of_squares,
-            separable_warnings(found, lambda: self._problem(place, curve)),
+            notes,
             {},
         )
 
@@ -262,14 +261,17 @@ class CurveFitter:
         if in_doubt(found):
             require_sizes(problem)
         residuals: FloatArray = found.residuals[0]
+        # A reading left out near a jump is no reason to doubt the fit.
+        notes = tuple(str(warning) for warning in found.warnings if warning.code not in ("jump", NO_CONTACT))
+        without = [warning.message for warning in found.warnings if warning.code == NO_CONTACT]
+        _require_contact("; ".join(without), notes)
         outcome = _Found(
             found.values,
             found.stderr,
             found.statistics.law_method,
             found.statistics.reduced_chi_square,
             float(residuals @ residuals),
-            # A reading left out near a jump is no reason to doubt the fit.
-            tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
+            notes,
             {},
         )
         if self._model.sampling is not None:
@@ -322,19 +324,10 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
-def _require_contact(curve: Curve, outcome: _Found) -> None:
-    """Raise CurveError for a curve whose force a straight line explains as well as the contact does."""
-    sloping = "instrument.baseline_slope" in outcome.values
-    flat = curve.force - curve.force.mean()
-    if sloping:
-        along = curve.depth - curve.depth.mean()
-        flat = flat - along * float(along @ flat / (along @ along))
-    variance = outcome.sum_of_squares / max(len(curve) - len(outcome.values), 1)
-    gain = float(flat @ flat) - outcome.sum_of_squares
-    if not gain > _NO_CONTACT * variance:
-        flat_one = "a straight line" if sloping else "a constant force"
-        reason = f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
-        raise CurveError("; ".join([f"{reason} (are the units right?)", *outcome.notes]))
+def _require_contact(reason: str, notes: Sequence[str]) -> None:
+    """Raise CurveError where there is a reason that a curve has no contact (`no_contact`); notes are added."""
+    if reason:
+        raise CurveError("; ".join([f"{reason} (are the units right?)", *notes]))
 
 
 def _about(place: CurvePlace) -> dict[str, Any]:

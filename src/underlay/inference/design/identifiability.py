@@ -8,12 +8,15 @@ Moduli, lengths and other positive quantities enter by their logarithm, so an ei
 product of powers: a direction with a large eigenvalue is a combination such as E h^-0.8 that the data determine,
 one with a small eigenvalue a combination that they do not. The quantities of the instrument and ratios such as
 Poisson's are unknown too, but each is reported by itself.
+
+After a test the numbers that are reported are the statistical parts of the fit's own answers, which allow for what
+its curve shows besides noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -31,9 +34,9 @@ from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.priors import Given
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.answer import NORMAL_95
+from underlay.inference.uncertainty.answer import NORMAL_95, Interval
 from underlay.mechanics.solvers import AnySolver
-from underlay.quantities import kind_of
+from underlay.quantities import kind_of, path_of
 from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -231,6 +234,8 @@ class Identifiability:
         From best to worst determined, by the data alone.
     times_told : tuple of (float, float)
         Shortest and longest relaxation time (s) that the record of each relaxing layer can resolve.
+    intervals : mapping of name to Interval
+        Statistical part of the fit's answers at 95 %, of a test that was made; empty before a test.
     """
 
     names: tuple[str, ...]
@@ -242,6 +247,7 @@ class Identifiability:
     relative: Mapping[str, float]
     combinations: tuple[Combination, ...]
     times_told: tuple[tuple[float, float], ...] = ()
+    intervals: Mapping[str, Interval] = field(default_factory=dict)
 
     @property
     def correlations(self) -> pd.DataFrame:
@@ -267,7 +273,10 @@ class Identifiability:
         )
 
     def report(self) -> str:
-        """Text with the combinations and parameters that the test determines, and their 95 % half widths."""
+        """Text with the combinations and parameters that the test determines, and their 95 % half widths.
+
+        Of an interval that is lopsided it is the longer arm.
+        """
         lines = [str(combination) for combination in self.combinations]
         lines += [
             f"relaxation times from {format_quantity(low, 'time')} to {format_quantity(high, 'time')} can be "
@@ -276,17 +285,19 @@ class Identifiability:
         ]
         for name in self.names:
             error, bare = self.stderr[name], self.stderr_data_only[name]
-            if not np.isfinite(error):
+            value, half = self.values[name], NORMAL_95 * error
+            if name in self.intervals:
+                value, half = self.intervals[name].value, _longer_arm(self.intervals[name])
+            if not np.isfinite(half):
                 lines.append(f"{name}: not determined by these data")
                 continue
-            known = format_quantity(self.values[name], kind_of(name), NORMAL_95 * error)
+            known = format_quantity(value, kind_of(path_of(name)), half)
             text = f"{name}: {known} (95 %) is what this test can tell"
             if bare > 3.0 * error:
                 text += ", by its prior; the data alone determine it less well"
             lines.append(text)
-        return "\n".join(
-            [*lines, "± is at 95 %, for noise and priors alone: errors of inputs and model come on top"]
-        )
+        counted = "the statistical part of a fit" if self.intervals else "for noise and priors alone"
+        return "\n".join([*lines, f"± is at 95 %, {counted}: errors of inputs and model come on top"])
 
 
 @one_thread()
@@ -340,7 +351,32 @@ def identifiability(
         problem = expected_problem(test, depth, free, noise, time=time, solver=solver)
         return judge(problem, problem.start, problem.noises(problem.start))
     fitted = test if isinstance(test, Fit) else fit(test)
-    return judge(fitted.problem, fitted.vector, fitted.noises)
+    told = judge(fitted.problem, fitted.vector, fitted.noises)
+    intervals = {name: fitted.answer(name).statistical for name in told.names}
+    known = tuple(_as_fitted(fitted, one, intervals) for one in told.combinations)
+    return replace(told, intervals=intervals, combinations=known)
+
+
+def _longer_arm(interval: Interval) -> float:
+    return max(interval.value - interval.low, interval.high - interval.value)
+
+
+def _as_fitted(fit: Fit, one: Combination, intervals: Mapping[str, Interval]) -> Combination:
+    """A combination with the standard deviation that the draws of a fit give it, where that is the larger one.
+
+    That of the information is smaller where the curve shows more than noise, and larger where a prior helped.
+    """
+    powers = {name: power for name, power in one.powers.items() if abs(power) >= _SMALL_POWER}
+    entries, exponents = [fit.names.index(name) for name in powers], list(powers.values())
+    if any(intervals[name].is_open for name in powers):
+        return one
+    if len(powers) == 1:
+        known = intervals[next(iter(powers))]
+        spread = _longer_arm(known) / known.value
+    else:
+        low, _, high = fit.band(lambda drawn: np.prod(drawn[:, entries] ** exponents, axis=1)[:, None])
+        spread = 0.5 * float(np.log(high[0] / low[0]))
+    return replace(one, relative_sd=max(one.relative_sd, spread / NORMAL_95))
 
 
 def judge(problem: Problem, vector: FloatArray, noises: tuple[NoiseModel, ...]) -> Identifiability:

@@ -3,6 +3,9 @@
 Every cell of the grid is a test that was not done: its Fisher information about the specimen (layer and substrate),
 the instrument's own unknowns of that test marginalised. Information adds, so the effect of a second radius added to
 a first test is one sum per cell.
+
+Where the scene states how well its inputs are known, every cell also has what a fit of that test would add for
+inputs and model: the tip at which noise matters least may be the one at which Poisson's ratio matters most.
 """
 
 from __future__ import annotations
@@ -22,11 +25,15 @@ from underlay.data.curve import MIN_POINTS
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of, expected_problem
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.priors import Given
-from underlay.inference.problem import by_path
+from underlay.inference.problem import Problem, by_path
 from underlay.inference.profiles import profile
 from underlay.inference.profiling.profile_result import Interval
 from underlay.inference.uncertainty.answer import NORMAL_95
+from underlay.inference.uncertainty.budget import sources_of
+from underlay.inference.uncertainty.likelihood import Likelihood
 from underlay.mechanics.solvers import AnySolver
 from underlay.quantities import kind_of
 from underlay.scene.noise import NoiseModel
@@ -170,6 +177,9 @@ class Plan:
         Information of the priors about the specimen, (s, s).
     slope : float
         d parameter / d scaled coordinate (SI).
+    combined : FloatArray, optional
+        Expected standard uncertainty (SI), (r, d), of noise, inputs and model together, where the scene states
+        uncertainties of its inputs.
     interval : Interval, optional
         Where the recommended test's standard error is above a tenth of the value, and so no reliable forecast: the
         95 % profile interval of that test's own curve without noise, which may have one end only.
@@ -186,7 +196,13 @@ class Plan:
     scaled_information: FloatArray
     prior: FloatArray
     slope: float
+    combined: FloatArray | None = None
     interval: Interval | None = None
+
+    @property
+    def error(self) -> FloatArray:
+        """What tests are chosen by (SI), (r, d): `combined` where it is known, else `stderr`."""
+        return self.stderr if self.combined is None else self.combined
 
     @property
     def best(self) -> tuple[float, float]:
@@ -216,7 +232,6 @@ class Plan:
                 "radius (Plan.second), or widen the grid"
             )
         i, j = self._best_cell()
-        kind = kind_of(self.parameter)
         half = NORMAL_95 * float(self.stderr[i, j])
         lengths = (format_quantity(float(x), "length", digits=3) for x in (self.radii[i], self.depths[j]))
         force = format_quantity(float(self.peak_force[i, j]), "force", digits=2)
@@ -226,14 +241,24 @@ class Plan:
                 least = 100.0 * NORMAL_95 * _NO_FORECAST
                 return f"{self.parameter} to no better than ± {least:.2g} % (95 %), {test}"
             return f"the best test of this grid does not determine it: {self.interval}, {test}"
+        alone = f"± {self._written(half)}"
+        if self.combined is None:
+            return f"{self.parameter} to {alone} at 95 %, from the noise alone, {test}"
+        whole = self._written(NORMAL_95 * float(self.combined[i, j]))
+        return (
+            f"{self.parameter} to ± {whole} at 95 %, with the uncertainties of inputs and model ({alone} from the "
+            f"noise alone), {test}"
+        )
+
+    def _written(self, half: float) -> str:
+        """A half width of the parameter (SI) as text, with its share of the value."""
         share = f" ({100.0 * half / abs(self.value):.2g} %)" if self.value else ""
-        to = f"± {format_quantity(half, kind, digits=2)}{share}"
-        return f"{self.parameter} to {to} at 95 %, from the noise alone, {test}"
+        return f"{format_quantity(half, kind_of(self.parameter), digits=2)}{share}"
 
     def to_frame(self) -> pd.DataFrame:
-        """Standard error (SI) by radius (rows, m) and depth (columns, m)."""
+        """Standard error (SI), `error`, by radius (rows, m) and depth (columns, m)."""
         return pd.DataFrame(
-            self.stderr,
+            self.error,
             index=pd.Index(self.radii, name="radius"),
             columns=pd.Index(self.depths, name="depth"),
         )
@@ -249,7 +274,7 @@ class Plan:
         Returns
         -------
         Plan
-            Its errors are those of both tests together.
+            Its errors are those of both tests together, from the noise alone.
 
         Raises
         ------
@@ -263,13 +288,15 @@ class Plan:
         index = self.names.index(self.parameter)
         joint = self.scaled_information + first
         stderr = _errors(joint + self.prior, index, ~np.isnan(self.stderr)) * self.slope
-        return replace(self, stderr=read_only(stderr), scaled_information=read_only(joint), interval=None)
+        return replace(
+            self, stderr=read_only(stderr), scaled_information=read_only(joint), combined=None, interval=None
+        )
 
     def _best_cell(self) -> tuple[int, int]:
-        usable = np.isfinite(self.stderr)
+        usable = np.isfinite(self.error)
         if not usable.any():
             raise InputError(self.recommendation)
-        good = usable & (self.stderr <= _AS_GOOD * self.stderr[usable].min())
+        good = usable & (self.error <= _AS_GOOD * self.error[usable].min())
         index = int(np.argmin(np.where(good, self.peak_force, np.inf)))
         i, j = np.unravel_index(index, self.stderr.shape)
         return int(i), int(j)
@@ -315,7 +342,8 @@ def plan(
     ParameterError
         If the parameter is not one of the free ones of the specimen, or the indenter has no radius.
     InputError
-        If the noise is unknown, or radii or depths are not positive and increasing.
+        If the noise is unknown, radii or depths are not positive and increasing, or a sample that remembers is
+        given without a record.
     """
     require_given(scene, "scene", Scene)
     require_given(noise, "noise", NoiseModel)
@@ -332,9 +360,26 @@ def plan(
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
     tips, ends = _positive(radii, "radii"), _positive(depths, "depths")
+    if scene.memory is not None and record is None:
+        raise InputError(
+            "a sample that remembers is planned with the motion of the test: its depths and times, as record or of "
+            "a curve, or motion in [simulate]"
+        )
     grid = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver, record)
     slope = grid.slopes[specimen.index(parameter)]
     errors = _errors(grid.information + grid.prior, specimen.index(parameter), ~np.isnan(grid.peak_force))
+
+    def problem_of(radius: float, depth: float) -> Problem:
+        path, time = readings(scene, depth, points, record)
+        tipped = scene.with_values({"indenter.radius": radius})
+        return expected_problem(tipped, path, wanted, noise, time=time, solver=solver)
+
+    combined = None
+    if isinstance(scene.uncertainties, Mapping):
+        shifts = np.full(errors.shape, np.nan)
+        for i, j in zip(*np.nonzero(np.isfinite(errors)), strict=True):
+            shifts[i, j] = _systematic(problem_of(float(tips[i]), float(ends[j])), parameter)
+        combined = read_only(np.where(np.isinf(errors), np.inf, np.hypot(errors, shifts)) * slope)
     planned = Plan(
         parameter=parameter,
         value=scene.parameters[parameter],
@@ -347,14 +392,25 @@ def plan(
         scaled_information=read_only(grid.information),
         prior=read_only(grid.prior),
         slope=slope,
+        combined=combined,
     )
     if not planned.is_doubtful:
         return planned
-    radius, depth = planned.best
-    path, time = readings(scene, depth, points, record)
-    tipped = scene.with_values({"indenter.radius": radius})
-    problem = expected_problem(tipped, path, wanted, noise, time=time, solver=solver)
-    return replace(planned, interval=profile(fit(problem, start="given"), parameter).interval())
+    found = fit(problem_of(*planned.best), start="given")
+    return replace(planned, interval=profile(found, parameter).interval())
+
+
+def _systematic(problem: Problem, parameter: str) -> float:
+    """Standard deviation of the scaled parameter by uncertain inputs and the model, as a fit of the test has it."""
+
+    def refit(changed: Problem) -> Fit:
+        return quick_fit(changed, start="given")
+
+    found = refit(problem)
+    index = found.names.index(parameter)
+    sources = sources_of(found, Likelihood.of(found).moved, refit)
+    moves = [np.abs(source.moves[..., index]).max(axis=1) for source in sources]
+    return float(np.linalg.norm(np.concatenate([np.zeros(1), *moves]))) / NORMAL_95
 
 
 def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> FloatArray:

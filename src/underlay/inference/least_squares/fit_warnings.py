@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -29,6 +29,11 @@ _STRONG_CORRELATION = 0.99
 _CONTRADICTED = 3.4
 # A standard error, in scaled coordinates, above which a parameter is badly known.
 _BADLY_KNOWN = 0.05
+#: Code of the warning that a curve shows no contact.
+NO_CONTACT = "no-contact"
+# Squared standard deviations by which a contact must explain the force better than a straight line: three free
+# parameters reach 30 by chance in one curve of a million.
+_LEAST_GAIN = 30.0
 
 
 def warnings_of(
@@ -197,6 +202,43 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: 
                 )
             )
     return warnings
+
+
+def without_contact(problem: Problem, residuals: Sequence[FloatArray]) -> tuple[FitWarning, ...]:
+    """One warning per curve without contact (`no_contact`), from the residuals of its force (N), (n,)."""
+    warnings = []
+    for number, (member, residual) in enumerate(zip(problem.members, residuals, strict=True), start=1):
+        which = f"curve {number}: " if len(residuals) > 1 else ""
+        square = float(residual @ residual)
+        reason = no_contact(member.forward.depth, member.force, square, problem.names)
+        if reason:
+            warnings.append(FitWarning(NO_CONTACT, f"{which}{reason}"))
+    return tuple(warnings)
+
+
+def no_contact(depth: FloatArray, force: FloatArray, square: float, names: Iterable[str]) -> str:
+    """Reason why a fitted curve shows no contact: a straight line explains its force as well; empty if it does.
+
+    Parameters
+    ----------
+    depth, force : FloatArray
+        Readings (m, N), (n,).
+    square : float
+        Sum of the squared residuals of the fit (N^2).
+    names : iterable of str
+        The free parameters; with a free slope of the baseline the line may slope.
+    """
+    free = list(names)
+    sloping = any(name.startswith("instrument.baseline_slope") for name in free)
+    flat = force - force.mean()
+    if sloping:
+        along = depth - depth.mean()
+        flat = flat - along * float(along @ flat / (along @ along))
+    variance = square / max(len(force) - len(free), 1)
+    if float(flat @ flat) - square > _LEAST_GAIN * variance:
+        return ""
+    flat_one = "a straight line" if sloping else "a constant force"
+    return f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
 
 
 def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:

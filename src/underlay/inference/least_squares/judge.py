@@ -23,6 +23,7 @@ from underlay.inference.least_squares.fit_warnings import (
     over_correlated,
     too_deep,
     warnings_of,
+    without_contact,
 )
 from underlay.inference.least_squares.models import robust_inflation
 from underlay.inference.least_squares.objective import Objective
@@ -147,6 +148,7 @@ def judge(
         whitened=tuple(read_only(own) for own in whitened),
         statistics=statistics,
         warnings=(
+            *without_contact(problem, forces),
             *too_deep(problem, physical),
             *ignored_sides(problem, physical, laws),
             *against_priors(problem, physical),

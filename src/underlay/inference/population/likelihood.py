@@ -78,10 +78,12 @@ class CurveLikelihood:
         """Likelihood from the ends of a number's statistical intervals at one, two and three standard deviations.
 
         The middle is that of the narrowest interval, the median: the least-squares value may lie at a bound,
-        outside the intervals.
+        outside the intervals. Where even that is open the curve says nothing on that side, and the likelihood is
+        flat there.
         """
         nearest = answer(name, _NEAREST).statistical
-        middle = 0.5 * (math.log(nearest.low) + math.log(nearest.high))
+        ends = [math.log(end) for end in (nearest.low, nearest.high) if 0.0 < end < math.inf]
+        middle = sum(ends) / len(ends) if ends else math.log(nearest.value)
         parts = [answer(name, float(2.0 * special.ndtr(z) - 1.0)).statistical for z in (1.0, 2.0, 3.0)]
         below = [math.log(part.low) if 0.0 < part.low < math.inf else -math.inf for part in parts]
         above = [math.log(part.high) if math.isfinite(part.high) else math.inf for part in parts]

@@ -35,6 +35,7 @@ from underlay.inference.population.selection import (
     Labelled,
     LabelledCurve,
     LeftOut,
+    group_column,
     select_results,
     select_rows,
 )
@@ -113,7 +114,7 @@ def population(
         raise InputError(f"tails must be one of {', '.join(_TAILS)}; got {tails!r}")
     if shared_error is not None:
         require_share(shared_error, "shared_error", what="a relative error", zero=True)
-    curves, left, of_map = _selected(results, parameter, names, group, doubtful)
+    curves, left, of_map, apart = _selected(results, parameter, names, group, doubtful)
     shared = of_map if shared_error is None else float(shared_error)
     groups: dict[str, list[LabelledCurve]] = {}
     for curve in curves:
@@ -132,7 +133,7 @@ def population(
     comparisons = [
         _compared(later, earlier) for place, later in enumerate(ordered) for earlier in ordered[:place]
     ]
-    return Population(parameter, names, found, tuple(comparisons), tuple(left), shared)
+    return Population(parameter, names, found, tuple(comparisons), tuple(left), shared, apart)
 
 
 def _selected(
@@ -141,8 +142,8 @@ def _selected(
     by: Sequence[str],
     group: str | None,
     doubtful: str,
-) -> tuple[list[LabelledCurve], list[LeftOut], float]:
-    """Curves used, curves left out, and the relative error that all curves of a map share."""
+) -> tuple[list[LabelledCurve], list[LeftOut], float, str]:
+    """Curves used, curves left out, the relative error that all curves of a map share, and `Population.apart`."""
     import pandas as pd  # noqa: PLC0415  where a table is read
 
     from underlay.inference.batch.decisions import read_map, shared_error_of  # noqa: PLC0415  brings pandas
@@ -150,9 +151,10 @@ def _selected(
     if isinstance(results, str | os.PathLike):
         results = read_map(results)
     if not isinstance(results, pd.DataFrame):
-        return select_results(results, parameter, by, group), [], 0.0
+        return select_results(results, parameter, by, group), [], 0.0, ""
     of_map = shared_error_of(results) if parameter == _MODULUS else None
-    return *select_rows(results, parameter, by, group, doubtful), of_map or 0.0
+    kept, left = select_rows(results, parameter, by, group, doubtful)
+    return kept, left, of_map or 0.0, "" if group else group_column(results, by)
 
 
 def _group(

@@ -308,6 +308,8 @@ class Population:
         Curves that are not used, and why.
     shared_error : float
         Relative error that all curves share (radius, spring constant): in every mean, in no ratio.
+    apart : str
+        Column of the table that tells groups apart which are taken together here; empty where there is none.
     """
 
     parameter: str
@@ -316,6 +318,7 @@ class Population:
     comparisons: tuple[Comparison, ...]
     left_out: tuple[LeftOut, ...]
     shared_error: float
+    apart: str = ""
 
     def table(self) -> pd.DataFrame:
         """One row per group (SI): means and spreads with the ends of their intervals."""

@@ -24,6 +24,8 @@ Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfi
 # Largest number of names that a message lists.
 _LISTED = 4
 _KEEP, _DROP = "keep", "drop"
+# Names of columns that tell groups apart, which a population compares.
+_GROUPS = ("group", "treatment", "condition")
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,13 @@ def select_rows(
             )
             kept.append(LabelledCurve(head, tuple(labels[len(wanted) - len(by) :]), likelihood))
     return kept, left
+
+
+def group_column(table: pd.DataFrame, by: Sequence[str] = ()) -> str:
+    """Column of a map's table that tells groups of its fitted curves apart, none of `by`; "" without one."""
+    fitted = table[table["status"] == FITTED]
+    there = (name for name in _GROUPS if name in table.columns and name not in by)
+    return next((name for name in there if len(set(fitted[name].dropna())) > 1), "")
 
 
 def select_results(

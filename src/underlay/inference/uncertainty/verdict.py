@@ -17,6 +17,7 @@ import numpy as np
 from underlay.data.segments import LOADING, runs_of
 from underlay.errors import InputError
 from underlay.inference.least_squares.diagnostics import diagnose
+from underlay.inference.least_squares.fit_warnings import NO_CONTACT
 from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.reading import Reading
 from underlay.mechanics.response import WholeHistory
@@ -466,6 +467,14 @@ def _slopes(fit: Fit) -> bool:
 
 
 def _of_warnings(fit: Fit) -> Iterator[Advice]:
+    for warning in fit.warnings:
+        if warning.code == NO_CONTACT:
+            yield Advice(
+                REJECT,
+                warning.message,
+                "the tip did not touch the sample, or units or bounds are not as meant",
+                "look at the picture, and check the units and the bounds of the contact point",
+            )
     if fit.alternatives:
         yield Advice(CHECK, "other values explain the curve as well, or nearly", *_WARNED["second-optimum"])
     counted = dict(_WARNED)

@@ -108,6 +108,15 @@ def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> P
     return named[kind]
 
 
+def is_made_for(name: str, contact: Contact) -> bool:
+    """Whether the correction called `name` is for this kind of indenter and base, whatever their numbers."""
+    try:
+        _layer_contact(fitting_correction(name, contact.indenter), contact)
+    except InputError:
+        return False
+    return True
+
+
 @dataclass(frozen=True, kw_only=True)
 class PublishedLaw(ContactLaw):
     """Contact law P(d) of a published correction; dP/dd is the exact derivative of the formula.

@@ -19,6 +19,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 
 from underlay.errors import InputError
+from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.report.labels import label, symbol
 from underlay.report.plots import style
 from underlay.report.screen import name_of, source_words
@@ -132,18 +133,19 @@ def identifiability(told: Identifiability, *, ax: Axes | None = None) -> Axes:
         drawn.set_subplotspec(parts[0])
         bars = figure.add_subplot(parts[1])
         for place, combination in enumerate(combinations):
-            size = min(max(combination.relative_sd, 1.3 * _LEAST), _MOST)
+            half = NORMAL_95 * combination.relative_sd
+            size = min(max(half, 1.3 * _LEAST), _MOST)
             bars.barh(place, size, left=0.0, height=0.55, color=_COLOURS[combination.verdict])
-            known = combination.relative_sd < _MOST
-            words = f"to {100.0 * combination.relative_sd:.2g} %" if known else "not fixed"
+            words = f"± {100.0 * half:.2g} %" if half < _MOST else "not fixed"
             inside = size > np.sqrt(_LEAST * _MOST)
+            colour = "white" if inside and combination.verdict == "fixed" else style.INK
             at, side = (0.85, "right") if inside else (1.2, "left")
-            bars.text(at * size, place, words, va="center", ha=side, color=style.INK)
+            bars.text(at * size, place, words, va="center", ha=side, color=colour)
         bars.set_xscale("log")
         bars.set_xlim(_LEAST, _MOST)
         bars.set_yticks(range(len(combinations)), [_formula(entry.powers) for entry in combinations])
         bars.invert_yaxis()
-        bars.set_xlabel("relative error of the product")
+        bars.set_xlabel("relative uncertainty of the product (95 %)")
     return drawn
 
 
@@ -175,7 +177,7 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
     """
     radius_unit, radius = style.unit_for(tests.radii, "length")
     depth_unit, depth = style.unit_for(tests.depths, "length")
-    relative = np.where(np.isinf(tests.stderr), _WORST, tests.stderr / abs(tests.value)).T
+    relative = np.where(np.isinf(tests.error), _WORST, NORMAL_95 * tests.error / abs(tests.value)).T
     with style.panel(ax, height=2.8) as drawn:
         drawn.set_facecolor(style.GREY)
         ends = (np.nanmin(relative), np.nanmax(relative))
@@ -185,14 +187,14 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
         drawn.set(xscale="log", yscale="log")
         for axis in (drawn.xaxis, drawn.yaxis):
             style.plain_ticks(axis, LogLocator(subs=(1.0, 2.0, 5.0)))
-        if np.isfinite(tests.stderr).any():
+        if np.isfinite(tests.error).any():
             star: Any = {"ms": 12, "mfc": "white", "mec": style.INK, "mew": 0.8, "label": "recommended"}
             drawn.plot(tests.best[0] / radius, tests.best[1] / depth, "*", **star)
             drawn.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
         figure = drawn.get_figure(root=False)
         if figure is not None:
             bar = figure.colorbar(mesh, ax=drawn)
-            bar.set_label(f"relative error of the {label(tests.parameter)}")
+            bar.set_label(f"relative uncertainty of the {label(tests.parameter)} (95 %)")
         drawn.set(xlabel=f"tip radius ({radius_unit})", ylabel=f"depth ({depth_unit})")
     return drawn
 

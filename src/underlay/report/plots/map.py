@@ -21,6 +21,7 @@ from scipy import spatial
 from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.errors import InputError
+from underlay.inference.batch.decisions import not_rejected
 from underlay.report.labels import label
 from underlay.report.plots import style
 from underlay.scene.parameters import kind_of
@@ -46,7 +47,9 @@ _NARROW = 6.0
 
 
 def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
-    """Draw the distribution of one column of a map, with its median.
+    """Draw the distribution of one column of a map, with its median, over the curves that are not rejected.
+
+    Where all are rejected they are drawn without a median.
 
     Parameters
     ----------
@@ -67,10 +70,14 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
         If there is no such column, or no value in it.
     """
     _require(table, column)
-    values = table[column].to_numpy(dtype=float)
-    known = values[np.isfinite(values)]
-    if not known.size:
+    trusted = not_rejected(table) if {"status", "verdict"} <= set(table.columns) else table
+    known, values = (
+        each[np.isfinite(each)] for each in (rows[column].to_numpy(dtype=float) for rows in (trusted, table))
+    )
+    if not values.size:
         raise InputError(f"no curve of the map has a value of {column!r}")
+    rejected = not known.size
+    known = values if rejected else known
     words, factor = _axis(column, known)
     with style.panel(ax, height=2.3) as drawn:
         # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
@@ -78,8 +85,10 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
         bins = max(8, min(60, int(np.sqrt(known.size))))
         drawn.hist(np.clip(known, *ends) / factor, bins=bins, color=style.FIT, alpha=0.85)
         middle = float(np.median(known))
-        drawn.axvline(middle / factor, color=style.INK, lw=1.0, ls="--")
-        drawn.set_title(f"{known.size} curves, median {style.in_words(middle, _kind(column))}")
+        if not rejected:
+            drawn.axvline(middle / factor, color=style.INK, lw=1.0, ls="--")
+        told = f"curves, median {style.in_words(middle, _kind(column))}"
+        drawn.set_title(f"{known.size} {'rejected curves' if rejected else told}")
         drawn.set(xlabel=words, ylabel="curves")
         drawn.yaxis.set_major_locator(MaxNLocator(integer=True))
     return drawn
