@@ -51,9 +51,9 @@ def test_a_plan_proposes_a_second_radius_four_times_smaller():
     assert both.stderr[0, 0] < 0.5 * both.stderr[2, 0]
 
 
-def test_a_plan_needs_the_hold():
+def test_a_plan_needs_the_motion():
     scene = on_bone(WATER)
-    with pytest.raises(ul.InputError, match="0 points after the ramp"):
+    with pytest.raises(ul.InputError, match="planned with the motion of the test"):
         ul.plan(scene, free=FREE, noise=ul.Noise(force=1e-4), radii=[RADIUS], depths=[DEEP])
 
 

@@ -355,7 +355,9 @@ def test_law_is_sampled_mapped_and_compared():
     assert table.loc[0, "layer.E"] == pytest.approx(fit.values["layer.E"], rel=1e-6)
     assert table.loc[0, "law"] == "winkler"
     found = ul.compare(problem, [Winkler(), "exact"])
-    assert found.best == "Winkler"
+    # Both explain the curve equally well: then the exact one is named first.
+    assert found.order == ("exact", "Winkler")
+    assert all(fit.statistics.reduced_chi_square < 1.3 for fit in found.fits.values())
 
 
 # --- solvers and laws that misbehave -----------------------------------------------------------------------
