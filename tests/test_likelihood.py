@@ -61,7 +61,9 @@ def test_hypotheses_are_weighed_by_the_density_that_the_law_leaves(world):
         inner, whitened = law.T @ np.linalg.solve(covariance, law), np.linalg.solve(covariance, residual)
         left = residual @ whitened - law.T @ whitened @ np.linalg.solve(inner, law.T @ whitened)
         determinants = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(inner)[1]
-        return -0.5 * (freedom * np.log(left + least) + determinants) + state.table.log_prior[kinds.noise[one]]
+        return (
+            -0.5 * (freedom * np.log(left + least) + determinants) + state.table.log_prior[kinds.noise[one]]
+        )
 
     alike = [kinds.family, kinds.misfit, kinds.step, kinds.ramp]
     pairs = [
