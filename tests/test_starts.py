@@ -209,9 +209,10 @@ def test_a_layer_on_another_is_found_without_laws_of_thin_layers():
     assert found.statistics.laws_built <= 6
 
 
-def test_a_ball_that_travels_through_air_by_many_radii_finds_its_contact():
+@pytest.mark.parametrize("radius", [2.5e-6, 1.2e-6])
+def test_a_ball_that_travels_through_air_by_many_radii_finds_its_contact(radius):
     """No law of the ball goes as deep as the first readings are away from the last."""
-    made = ul.Scene(ul.Sphere(2.5e-6), ul.Layer(ul.Isotropic(2e3, 0.5)), uncertainties="none")
+    made = ul.Scene(ul.Sphere(radius), ul.Layer(ul.Isotropic(2e3, 0.5)), uncertainties="none")
     depth = np.linspace(-3e-5, 1e-6, 1500)
     curve = ul.synthesize(made, depth, ul.Noise(force=1e-11), np.random.default_rng(2))
     away = ul.Curve(depth - 2.5e-5, curve.force)

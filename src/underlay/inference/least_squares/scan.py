@@ -356,7 +356,9 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
     contacts = tried_contacts(free, blocks, member.base[CONTACT]) if kink is None else np.array([kink])
     if len(contacts) > 1:
         first = _first_within_reach(member, float(contacts[0]))
-        contacts = np.linspace(max(first, contacts[0]), max(first, contacts[-1]), len(contacts))
+        last = min(float(blocks.depth[-1]), free[CONTACT].high)
+        if contacts[0] < first < last:
+            contacts = np.linspace(first, last, len(contacts) + 1)[:-1]
     return ScanCurve(forward, blocks, free, contacts, scales)
 
 
