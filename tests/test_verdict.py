@@ -105,3 +105,17 @@ def test_a_flat_punch_is_not_told_to_indent_deeper_for_its_thickness():
     assert told == "check"
     assert not any("indent deeper" in entry.next for entry in (told, *told.others))
     assert any("thickness" in entry.next or "second tip" in entry.next for entry in (told, *told.others))
+
+
+@pytest.mark.parametrize("ramps", [1, 3])
+def test_ramps_whose_holds_are_left_out_are_several_loadings(ramps):
+    """The force of each begins below where the one before ended, as after a hold in which it relaxed."""
+    made = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)), uncertainties="none")
+    depth = np.linspace(1e-7, 1.2e-4, 600)
+    part = np.arange(600) * ramps // 600
+    force = made.contact_law(2e-4).force(depth) - 0.25 * part * made.contact_law(2e-4).force(4e-5)
+    force += 1e-4 * np.random.default_rng(5).standard_normal(600) - 2.0 * 1e-2 * (ramps > 1) * (part % 2)
+    curve = ul.Curve(depth, force, time=0.1 * np.arange(600) + 300.0 * part)
+    verdict = ul.fit(ul.Problem(made, curve, {"layer.E": (1e4, 1e8), "instrument.baseline": None})).verdict
+    assert ("several loadings" in verdict.cause) == (ramps > 1)
+    assert (verdict.word == "good") == (ramps == 1)

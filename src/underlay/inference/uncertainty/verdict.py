@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from underlay.data.segments import LOADING, runs_of
-from underlay.errors import InputError
+from underlay.errors import CurveError, InputError
 from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.least_squares.fit_warnings import NO_CONTACT
 from underlay.inference.uncertainty.answer import Advice, Answer
@@ -26,6 +26,7 @@ from underlay.scene.instrument import ContactDepth
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
+    from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.uncertainty.seen import Seen
     from underlay.scene.scene import Scene
@@ -44,6 +45,8 @@ _DESCRIBED = 0.02
 # Residuals, as the same share, above which any model is rejected, unless they are white noise: three ramps of a
 # stepwise test fitted as one leave residuals of 20 %.
 _NOT_DESCRIBED = 0.05
+# Steps of time, over the median, from which readings are left out between two loadings.
+_GAP = 10.0
 # Residuals over the stated noise from which the noise is not as stated, or the model not right.
 _BEYOND_NOISE = 3.0
 # Rise of a half-space's modulus (in ln) from which a stiffer base is the likely cause.
@@ -215,7 +218,7 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
 
 
 def _undescribed(fit: Fit, i: int) -> _Remedy:
-    """Why a model describes nothing of a curve: what the curve shows, a modulus that cannot follow, or loadings."""
+    """Why a model describes nothing of a curve: what the curve shows, or a modulus that cannot follow."""
     moduli = [name for name in fit.names if path_of(name).startswith("layer.E")]
     for name in moduli:
         if name in fit.bounds_hit:
@@ -228,13 +231,6 @@ def _undescribed(fit: Fit, i: int) -> _Remedy:
             "the layer's modulus is held at the number that you entered",
             "fit it too",
             ("fit.layer.E", "{}"),
-        )
-    loadings = sum(label == LOADING for _, _, label in runs_of(fit.curves[i].segments()))
-    if loadings > 1:
-        return (
-            "several loadings fitted as one, or a tip or an effect that is not in the model",
-            "look at the picture, and fit one ramp of it",
-            ("curve.segment", "ramp 1"),
         )
     return (
         "a tip or an effect that is not in the model",
@@ -256,9 +252,9 @@ def _over_stated_noise(fit: Fit, i: int) -> float:
 
 
 def _cause_in_curve(fit: Fit, i: int) -> _Remedy | tuple[()]:
-    """A fault that one curve shows by itself, whatever its model: a saturated detector, or a tip that adheres."""
+    """A fault that one curve shows by itself: a saturated detector, several loadings, or a tip that adheres."""
     # Loaded only where a verdict is in doubt.
-    from underlay.data.quality import ADHESION, CLEAR, flat_tops  # noqa: PLC0415  see above
+    from underlay.data.quality import flat_tops  # noqa: PLC0415  see above
 
     scene = fit.scenes[i]
     loading = fit.curves[i].way_in()
@@ -268,16 +264,42 @@ def _cause_in_curve(fit: Fit, i: int) -> _Remedy | tuple[()]:
             "fit up to 95 % of the force",
             ("curve.fit_to", "95 % of force"),
         )
-    if scene.adhesion is None:
-        force = loading.force - scene.instrument.chain.reading(np.zeros_like(loading.depth), loading.depth)
-        dip, noise = -float(force.min()), float(np.median(np.abs(np.diff(force))))
-        if dip > max(ADHESION * float(force.max()), CLEAR * noise):
-            return (
-                "the tip adheres: the force dips below the baseline while it goes in",
-                "fit with adhesion (JKR) and its work of adhesion",
-                ("adhesion.model", "jkr"),
-            )
+    if scene.memory is None and _loadings(fit.curves[i]) > 1:
+        return (
+            "several loadings fitted as one, or a tip or an effect that is not in the model",
+            "look at the picture, and fit one ramp of it",
+            ("curve.segment", "ramp 1"),
+        )
+    if scene.adhesion is None and _dips(loading):
+        return (
+            "the tip adheres: the force dips below the baseline while it goes in",
+            "fit with adhesion (JKR) and its work of adhesion",
+            ("adhesion.model", "jkr"),
+        )
     return ()
+
+
+def _loadings(curve: Curve) -> int:
+    """Number of loadings of a curve: runs of them, or stretches between gaps in time, where holds are left out."""
+    runs = sum(label == LOADING for _, _, label in runs_of(curve.segments()))
+    if curve.time is None:
+        return runs
+    steps = np.diff(curve.time)
+    return max(runs, 1 + int(np.count_nonzero(steps > _GAP * np.median(steps))))
+
+
+def _dips(loading: Curve) -> bool:
+    """Whether the force of a way in falls below its own baseline; the baseline of a wrong fit is no judge."""
+    # Loaded only where a verdict is in doubt.
+    from underlay.data.foot import foot_of  # noqa: PLC0415  see above
+    from underlay.data.quality import ADHESION, CLEAR  # noqa: PLC0415  see above
+
+    try:
+        foot = foot_of(loading)
+    except CurveError:  # it has no foot to dip
+        return False
+    noise = float(np.median(np.abs(np.diff(loading.force))))
+    return foot.dip > max(ADHESION * foot.peak, CLEAR * noise)
 
 
 def _may_stiffen(scene: Scene, deepest: float) -> bool:
