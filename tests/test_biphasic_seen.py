@@ -61,7 +61,7 @@ def test_a_second_tip_for_the_thickness(found):
     curve = found.curves[0]
     free = {**FREE, "layer.thickness": ul.Uniform(5e-4, 2e-3)}
     fit = ul.fit(ul.Problem(found.scene, curve, free, found.problem.members[0].noise))
-    told = ul.remedy(fit, "layer.thickness", value=1e-3, target=0.02)
+    told = ul.second_test(fit, "layer.thickness", value=1e-3, target=0.02)
     assert told.radius is not None
     assert told.shares.min() < 0.5 * fit.stderr["layer.thickness"] / 1e-3
 

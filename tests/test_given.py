@@ -38,7 +38,7 @@ DOORS = {
     },
     "a Fit or a Problem": {"pointwise_modulus": ul.pointwise_modulus},
     "a Scene or a Problem or a Fit": {"identifiability": ul.identifiability},
-    "a Fit": {"remedy": lambda given: ul.remedy(given, "layer.E"), "steps_to_ours": ul.steps_to_ours},
+    "a Fit": {"second_test": lambda given: ul.second_test(given, "layer.E"), "steps_to_ours": ul.steps_to_ours},
     "a Scene": {
         "simulate": lambda given: ul.simulate(given, [0.0, 1e-6]),
         "accuracy_cost": lambda given: ul.accuracy_cost(given, [1e-6]),
@@ -181,15 +181,15 @@ def test_the_first_test_of_a_second_is_told() -> None:
     np.testing.assert_array_equal(near.stderr, there.stderr)
 
 
-def test_what_a_remedy_aims_at_is_told(fit: ul.Fit) -> None:
+def test_what_a_second_test_aims_at_is_told(fit: ul.Fit) -> None:
     for given in (0.0, -0.1, np.nan, 2.0, "10 %", None, [0.1]):
         with pytest.raises(
             ul.InputError, match="target is the relative standard error that counts as fixed, above 0"
         ):
-            ul.remedy(fit, "layer.E", value=1e6, target=given)
+            ul.second_test(fit, "layer.E", value=1e6, target=given)
     for given in ("1 MPa", [1e6], np.nan, np.inf):
         with pytest.raises(ul.InputError, match="value must be"):
-            ul.remedy(fit, "layer.E", value=given)
+            ul.second_test(fit, "layer.E", value=given)
 
 
 def test_what_a_test_before_it_is_done_is_made_of_is_told() -> None:

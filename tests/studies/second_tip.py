@@ -3,7 +3,7 @@
     python tests/studies/second_tip.py [--scenes 20] [--seed 0] [--output tests/studies/results/second_tip.csv]
 
 Random tests of a user's range (`tests/support/user_scenes.py`) with modulus, thickness and contact free, the
-noise stated. Where the 95 % interval of the thickness goes further than 10 % either way, `ul.remedy` names a tip;
+noise stated. Where the 95 % interval of the thickness goes further than 10 % either way, `ul.second_test` names a tip;
 the second test is made on the true specimen and both are fitted jointly. One row per scene: the promise for the
 true thickness (between those for the supposed ones, in logarithms), the best and worst promised, the joint fit's
 relative standard error and how far its thickness is from the truth; and what a forecast from the optimum alone
@@ -45,10 +45,10 @@ def row(rng):
         known = fit.interval(H)
         if known.low > (1.0 - _OPEN) * known.value and known.high < (1.0 + _OPEN) * known.value:
             return None
-        found = ul.remedy(fit, H)
+        found = ul.second_test(fit, H)
         if found.radius is None:
             return None
-        alone = ul.remedy(fit, H, value=fit.values[H])
+        alone = ul.second_test(fit, H, value=fit.values[H])
         second = pressed(
             scene.with_values({"indenter.radius": found.radius}), found.depth, points, noise, rng
         )

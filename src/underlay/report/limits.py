@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from underlay.data.curve import Curve
 from underlay.data.quality import check_quality
 from underlay.errors import UnderlayError
-from underlay.inference.design.second_test import remedy
+from underlay.inference.design.second_test import second_test
 from underlay.inference.profiling.profile_result import interval_threshold
 from underlay.report.labels import is_of_the_sample, label, listed, start
 from underlay.report.screen import answer_text
@@ -136,7 +136,7 @@ def advice(result: Fit) -> list[str]:
         if not result.interval(name, part="statistical").is_open:
             continue
         try:
-            found = remedy(result, name)
+            found = second_test(result, name)
         except UnderlayError:
             # A fit of several curves, a tip without a radius: nothing to advise.
             continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ import numpy as np
 from underlay._arrays import FloatArray, finite, read_only
 from underlay._given import require_given, require_share
 from underlay._threads import one_thread
-from underlay.errors import InputError, ParameterError
+from underlay.errors import InputError, ParameterError, UnderlayWarning
 from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of
 from underlay.inference.design.planning import Grid
 from underlay.inference.least_squares.fit_result import Fit
@@ -35,7 +36,7 @@ _ALIKE = 1.3
 
 
 @dataclass(frozen=True)
-class Remedy:
+class SecondTest:
     """The expected effect of a second tip, pressed as deep as the first and fitted jointly with it.
 
     The forecast depends on the true value of the undetermined parameter, which is not known: it is made for m
@@ -125,7 +126,7 @@ class Remedy:
 
 
 @one_thread()
-def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: float = 0.1) -> Remedy:
+def second_test(fit: Fit, parameter: str, *, value: float | None = None, target: float = 0.1) -> SecondTest:
     """Find a second tip that would determine a parameter that this fit does not.
 
     The parameter is assumed to have values over its 95 % interval, and the others those fitted with each; the
@@ -145,7 +146,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
 
     Returns
     -------
-    Remedy
+    SecondTest
         With tips from a tenth to ten times the present radius, nearest first.
 
     Raises
@@ -162,7 +163,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     >>> scene = ul.Scene(ul.Sphere(2e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
     >>> curve = ul.synthesize(scene, np.linspace(-1e-5, 2e-5, 100), ul.Noise(force=1e-5), 1)
     >>> fit = ul.fit(ul.Problem(scene, curve, ["layer.E", "layer.thickness", "instrument.contact_depth"]))
-    >>> found = ul.remedy(fit, "layer.thickness", value=1e-3)
+    >>> found = ul.second_test(fit, "layer.thickness", value=1e-3)
     >>> f"{1e3 * found.radius:.3g} mm"
     '0.5 mm'
     """
@@ -172,7 +173,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
         value = finite(value, "value", "SI")
     if len(fit.curves) != 1:
         raise InputError(
-            f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: plan asks for any"
+            f"a second test is found for a fit of one curve; this one is of {len(fit.curves)}: plan asks for any"
         )
     specimen = [name for name in fit.names if name.startswith(SPECIMEN)]
     if parameter not in specimen:
@@ -182,7 +183,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
         )
     own = fit.scenes[0].parameters.get("indenter.radius")
     if own is None:
-        raise ParameterError(f"a remedy is another radius, which {fit.scenes[0].indenter!r} does not have")
+        raise ParameterError(f"the second test has another radius, which {fit.scenes[0].indenter!r} does not have")
     radii = _radii_near(own)
     supposed = _over_the_interval(fit, parameter) if value is None else [_with_others(fit, parameter, value)]
     forecasts, values, problem = [], [], None
@@ -196,7 +197,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     if not forecasts:
         raise InputError(f"no second test can be forecast: {problem}") from problem
     errors, forces = (np.array(column) for column in zip(*forecasts, strict=True))
-    return Remedy(
+    return SecondTest(
         parameter=parameter,
         values=read_only(np.array(values)),
         target=target,
@@ -206,6 +207,12 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
         peak_force=read_only(forces),
         depth=_depth(fit, fit.vector),
     )
+
+
+def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: float = 0.1) -> SecondTest:
+    """Return `second_test` of the same arguments, under its former name, with a warning."""
+    warnings.warn("ul.remedy is called ul.second_test now: write that", UnderlayWarning, stacklevel=2)
+    return second_test(fit, parameter, value=value, target=target)
 
 
 def _depth(fit: Fit, vector: FloatArray) -> float:
