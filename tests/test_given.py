@@ -38,7 +38,10 @@ DOORS = {
     },
     "a Fit or a Problem": {"pointwise_modulus": ul.pointwise_modulus},
     "a Scene or a Problem or a Fit": {"identifiability": ul.identifiability},
-    "a Fit": {"second_test": lambda given: ul.second_test(given, "layer.E"), "steps_to_ours": ul.steps_to_ours},
+    "a Fit": {
+        "second_test": lambda given: ul.second_test(given, "layer.E"),
+        "steps_to_ours": ul.steps_to_ours,
+    },
     "a Scene": {
         "simulate": lambda given: ul.simulate(given, [0.0, 1e-6]),
         "accuracy_cost": lambda given: ul.accuracy_cost(given, [1e-6]),

@@ -183,7 +183,9 @@ def second_test(fit: Fit, parameter: str, *, value: float | None = None, target:
         )
     own = fit.scenes[0].parameters.get("indenter.radius")
     if own is None:
-        raise ParameterError(f"the second test has another radius, which {fit.scenes[0].indenter!r} does not have")
+        raise ParameterError(
+            f"the second test has another radius, which {fit.scenes[0].indenter!r} does not have"
+        )
     radii = _radii_near(own)
     supposed = _over_the_interval(fit, parameter) if value is None else [_with_others(fit, parameter, value)]
     forecasts, values, problem = [], [], None
