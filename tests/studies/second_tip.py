@@ -6,9 +6,8 @@ Random tests of a user's range (`tests/support/user_scenes.py`) with modulus, th
 noise stated. Where the 95 % interval of the thickness goes further than 10 % either way, `ul.second_test` names a
 tip; the second test is made on the true specimen and both are fitted jointly. One row per scene: the promise for
 the true thickness (between those for the supposed ones, in logarithms), the best and worst promised, the joint
-fit's
-relative standard error and how far its thickness is from the truth; and what a forecast from the optimum alone
-promises of the same tip, as a control.
+fit's relative standard error and how far its thickness is from the truth; and what a forecast from the optimum
+alone promises of the same tip, as a control.
 """
 
 from __future__ import annotations
