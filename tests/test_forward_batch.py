@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.inference.model import forward_batch, ratio_batch
-from underlay.inference.model import forward_batch as adhesion_batch
-from underlay.inference.model import groups as batch_readings
+from underlay.inference.model import forward_batch, parameter_sets
 
 DEPTH = np.linspace(-1e-5, 1e-4, 30)
 CURVE = ul.Curve(DEPTH, np.maximum(DEPTH, 0.0), time=np.arange(30.0))
@@ -80,12 +78,6 @@ def draws(problem, count, seed=0):
     return np.column_stack([prior.sample(rng, count) for prior in problem.priors.values()])
 
 
-def replace_set_by_set(monkeypatch, other):
-    """Another way for the sets that no batch takes."""
-    for module in (adhesion_batch, forward_batch, ratio_batch):
-        monkeypatch.setattr(module, "set_by_set", other)
-
-
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6])
 @pytest.mark.parametrize("name", CASES)
 def test_a_batch_is_its_members(name, rtol, monkeypatch):
@@ -95,11 +87,11 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
     physical = draws(problem, 40)
     alone = []
 
-    def counted(forward, values, rows, readings):
-        alone.extend(rows)
-        return batch_readings.set_by_set(forward, values, rows, readings)
+    def counted(forward, values, readings, **options):
+        alone.extend(np.flatnonzero(~readings.possible))
+        return parameter_sets.set_by_set(forward, values, readings, **options)
 
-    replace_set_by_set(monkeypatch, counted)
+    monkeypatch.setattr(forward_batch, "set_by_set", counted)
     batch = member.readings(physical)
     # A few sets, on very soft bases, are too coarse on the nodes of their group and go alone.
     assert len(alone) <= 8 if together else len(alone) == 40
@@ -130,7 +122,7 @@ def test_a_sphere_is_read_off_a_surface_up_to_near_its_end(rtol, base, monkeypat
     problem = ul.Problem(scene, curve, E | base | CONTACT, ul.Noise(force=1e-3), solver=ul.Auto(rtol))
     member, physical = problem.members[0], draws(problem, 12)
     alone = np.array([member.reading(vector).contact for vector in physical])
-    replace_set_by_set(monkeypatch, lambda *asked: asked[-1])
+    monkeypatch.setattr(forward_batch, "set_by_set", lambda *asked, **_: asked[2])
     batch = member.readings(physical, stiffness=False)
     assert batch.possible.all()
     top = np.abs(alone).max(axis=1, keepdims=True)

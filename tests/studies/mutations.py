@@ -68,7 +68,7 @@ MISTAKES = (
     ),
     Mistake(
         "the contact point moves the reading the other way in the derivatives",
-        "inference/model/jacobian_batch.py",
+        "inference/model/forward_batch.py",
         "np.negative(stiffness, out=columns[:, row])",
         "columns[:, row] = stiffness",
         ("test_engine.py", "test_least_squares.py"),

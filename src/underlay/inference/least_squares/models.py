@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.model.jacobian_batch import batched_jacobians, can_batch_jacobians
+from underlay.inference.model.forward_batch import batched_jacobians, can_batch_jacobians
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.response import WholeHistory

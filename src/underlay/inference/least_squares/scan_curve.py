@@ -24,7 +24,7 @@ from underlay.inference.least_squares.models import FrozenNoise
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward, TipOverPowerLaw
-from underlay.inference.model.jacobian_batch import can_batch_jacobians
+from underlay.inference.model.forward_batch import can_batch_jacobians
 from underlay.inference.model.laws import LawStore
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw

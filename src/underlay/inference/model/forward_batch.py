@@ -1,101 +1,150 @@
 """The forward model for many parameter sets at once, as a sampler needs it.
 
-The sets are computed in one of eight ways, the first that applies:
+The elastic laws of the sets are computed together by `laws_of_sets`, of an adhesive contact by a table of adhesive
+laws (`AdhesionTable`), and where neither is possible set by set, through `Forward.reading`: so DMT and a flat punch
+without slip, a law and 1 to 2 ms a set, and Maugis, two tenths of a second. On them follow, for all sets together
+where that is possible: corrections for friction and finite strain, which combine the frictionless and the no-slip
+law; the memory of the sample, on the forces of the elastic sets or by itself; and a compliant frame, or a
+cantilever that bends by other than what was subtracted, whose depths are found by Newton's method.
 
-1. the contact is adhesive, and of the ratios only that of the work of adhesion may vary: the sets are read from
-   a table of adhesive laws (`sticking`), a frame's compliance included;
-2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors; 3. one
-ratio alone varies: every set's curve is read from tables over that ratio (`curve_family`); 4. a no-slip contact or
-a sphere, and one ratio alone varies: the sets are read from a surface over that ratio and
-   the depth (`ratio_surface`);
-5. the tip is no power law and Poisson's ratios stay: the sets are read from tables of the flat punch (`TipSets`);
-6. the solver's laws can be computed by `ExactBatch` (an isotropic layer on an isotropic or rigid base): the sets
-   go through it, in groups whose stiffness ratio and range are alike;
-7. moduli and thicknesses of a stack of layers vary: through `ExactBatch` too, in groups of like ratios; 8.
-otherwise set by set, through `Forward.reading`: so DMT and a flat punch without slip, a law and 1 to 2 ms a set,
-   and Maugis, two tenths of a second.
-
-The second to the seventh are in `ratio_batch.py`, the last is `groups.set_by_set`. For a sample with memory the
-elastic force is computed in one of these ways, and then the memory applied (`remembered_readings`). With a
-compliant frame, or a cantilever that bends by other than what was subtracted, the depth of the tip is found by
-Newton's method (`_given_way`).
+The derivatives serve a search from many starts, whose time goes into calls and not arithmetic. They need laws that
+give theirs (`laws_of_sets`, and a layer that stiffens on one law); all else goes one by one (`Forward.jacobian`).
 
 The result of a set does not depend on the other sets of the batch: a chain can be repeated bit by bit.
-
-Laws with corrections for friction and finite strain, at many parameter sets.
-
-The frictionless and the no-slip law are computed in batches, and then combined by the sizes of each set.
-
-A sample with memory at many parameter sets at once: the elastic forces of all, then the memory of all.
-
-It serves a relaxing layer during loading and unloading, whatever the contact point of a set, and a memory that
-gives the forces of many sets itself. Motions without a closed construction, such as a second cycle, and a compliant
-frame are computed one by one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward, LeftOutLaws
-from underlay.inference.model.groups import ParameterSets, Readings, Values, is_shaped_by_lengths, set_by_set
+from underlay.inference.model.law_slopes import slope_by_factors
+from underlay.inference.model.laws_of_sets import SetLaws, can_batch_depths, laws_of_sets
 from underlay.inference.model.on_law import OnLinear
-from underlay.inference.model.ratio_batch import by_ratios, can_batch_depths
+from underlay.inference.model.parameter_sets import (
+    ParameterSets,
+    Readings,
+    Values,
+    is_shaped_by_lengths,
+    set_by_set,
+    upright,
+)
 from underlay.mechanics.contact import AdhesionTable
 from underlay.mechanics.response import WholeHistory, checked_times
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
 
 
-class _Read(Protocol):
-    """Readings of the elastic sets, as far as the memory needs them."""
-
-    @property
-    def contact(self) -> FloatArray:
-        """Contact force (N), (sets, n)."""
-
-    @property
-    def possible(self) -> NDArray[np.bool_]:
-        """Whether each set has a law, (sets,)."""
-
-
-def remembered_readings(
-    forward: Forward, values: Values, sets: int, elastic: Callable[..., _Read]
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
-    """Forces of all sets of a sample with memory.
+def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: bool = True) -> Readings:
+    """Model of one curve at many parameter sets.
 
     Parameters
     ----------
     forward : Forward
-        The compiled scene, with its memory.
+        The compiled scene.
     values : mapping of path to float or FloatArray
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
         How many sets.
-    elastic : callable
-        Function that computes the readings of a model without memory, as `batched_readings`.
+    stiffness : bool, default True
+        Whether to compute the contact stiffness; it is left zero otherwise.
 
     Returns
     -------
-    tuple or None
-        Contact force and instrument force (N), each (sets, n), which sets have a law, (sets,), and the rows that
-        must be computed one by one; None where that is all of them.
+    Readings
+        Its `possible` is False for a set without a law, whose row is zero.
     """
-    history, time = forward.history, forward.time
-    if isinstance(history, WholeHistory):
-        return _whole_readings(history, forward, values, sets)
+    found = _together(forward, values, sets, stiffness=stiffness)
+    if found is None:
+        return set_by_set(forward, values, Readings.empty(sets, forward.depth.shape[-1]), stiffness=stiffness)
+    return found
+
+
+def _together(forward: Forward, values: Values, sets: int, *, stiffness: bool) -> Readings | None:
+    """Readings of all sets, the most of them computed together; None where each must be computed alone."""
+    if forward.bends(values):
+        return _bending(forward, values, sets)
+    if forward.history is not None:
+        return None if stiffness else _remembered(forward, values, sets)
+    if forward.left_out is not None:
+        return _with_left_out(forward, values, sets, forward.left_out, stiffness=stiffness)
+    if is_shaped_by_lengths(forward):
+        return None
+    if forward.similarity.energies:
+        return _sticking(forward, values, sets)
+    return _of_this_depth(forward, values, sets, stiffness=stiffness)
+
+
+def _of_this_depth(forward: Forward, values: Values, sets: int, *, stiffness: bool) -> Readings | None:
+    """Readings of all sets of a sample whose force depends on depth alone; None where each must be alone."""
+    # The links give travel and offsets only: the deflection of the frame is found for all sets here.
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    if not np.any(values[Frame.path]):
+        return _elastic(asked, stiffness=stiffness)
+    if not can_batch_depths(asked):
+        return None
+    found = _given_way(forward, values, sets)
+    return found._replace(force=asked.instrument_force(found.contact))
+
+
+def _elastic(asked: ParameterSets, *, stiffness: bool) -> Readings | None:
+    """`_of_this_depth` without a frame; sets that the laws computed together leave out are computed one by one."""
+    laws = laws_of_sets(asked, stiffness=stiffness)
+    if laws is None:
+        return None
+    readings = Readings(laws.force, laws.stiffness, asked.instrument_force(laws.force), laws.possible)
+    return set_by_set(asked.forward, asked.values, readings)
+
+
+def _remembered(forward: Forward, values: Values, sets: int) -> Readings | None:
+    """Readings of all sets of a sample with memory, without stiffness; None where that is each alone.
+
+    A relaxing layer is served during loading and unloading, whatever the contact point of a set, and a memory that
+    gives the forces of many sets itself. Motions without a closed construction, such as a second cycle, and a
+    compliant frame are computed one by one.
+    """
+    if isinstance(forward.history, WholeHistory):
+        found = _whole_histories(forward.history, forward, values, sets)
+    else:
+        found = _relaxing(forward, values, sets)
+    if found is None:
+        return None
+    contact, possible, left = found
+    possible[left] = False
+    force = Chain.of(upright(values)).reading(contact, forward.depth)
+    readings = Readings(contact, np.zeros_like(contact), force, possible)
+    return set_by_set(forward, values, readings, left.tolist(), stiffness=False)
+
+
+#: Contact force (N), (sets, n), which sets have a law, (sets,), and rows that must be computed one by one.
+_Forces: TypeAlias = tuple[FloatArray, NDArray[np.bool_], NDArray[np.intp]]
+
+
+def _whole_histories(history: WholeHistory, forward: Forward, values: Values, sets: int) -> _Forces | None:
+    """Forces of a memory that gives the force of a whole motion itself; None where it cannot treat many sets."""
+    depth = Chain.of(upright(values)).travel(forward.depth)
+    found = history.answers(values, sets, depth, checked_times(forward.time, np.atleast_2d(depth)[0]))
+    if found is None:
+        return None
+    force, answered = found
+    return force, answered, np.flatnonzero(~answered)
+
+
+def _relaxing(forward: Forward, values: Values, sets: int) -> _Forces | None:
+    """Forces of relaxing layers, elastic first and then the memory of all sets; None where not possible."""
     from underlay.mechanics.viscoelastic.history import Viscoelastic, forces_of_sets  # noqa: PLC0415  few scenes
 
+    history, time = forward.history, forward.time
     if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
         return None
     contact = np.broadcast_to(values[ContactDepth.path], sets)
-    depth = np.broadcast_to(forward.depth_at(_upright(values)), (sets, forward.depth.shape[-1]))
+    depth = np.broadcast_to(forward.depth_at(upright(values)), (sets, forward.depth.shape[-1]))
     depth = depth - contact[:, None]
     prefix = f"{history.prefix}."
     own = {
@@ -118,76 +167,36 @@ def remembered_readings(
             of = asked[rows]
             own = {path: v[of] if isinstance(v, np.ndarray) else v for path, v in still.items()}
             same = replace(forward, history=None, time=None, depth=w, bending=None)
-            found = elastic(same, own, len(of), stiffness=False)
+            found = batched_readings(same, own, len(of), stiffness=False)
             possible[of] &= found.possible
             return found.contact
 
         force[asked], closed = forces_of_sets(modes.of(asked), loads, depth[asked], time)
         left = np.append(left, asked[~closed])
-    chain = Chain.of(_upright(values))
-    return force, chain.reading(force, forward.depth), possible, left
+    return force, possible, left
 
 
-def _whole_readings(
-    history: WholeHistory, forward: Forward, values: Values, sets: int
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
-    """`remembered_readings` of a memory that gives the force of a whole motion itself.
+def _with_left_out(
+    forward: Forward, values: Values, sets: int, left_out: LeftOutLaws | OnLinear, *, stiffness: bool
+) -> Readings | None:
+    """Readings of all sets of a law with corrections; None where each must be computed alone."""
+    if isinstance(left_out, OnLinear):
+        from underlay.inference.model.on_law_batch import on_law_readings  # noqa: PLC0415  few scenes
 
-    None where the memory cannot treat these sets at once.
-    """
-    chain = Chain.of(_upright(values))
-    depth = chain.travel(forward.depth)
-    found = history.answers(values, sets, depth, checked_times(forward.time, np.atleast_2d(depth)[0]))
-    if found is None:
-        return None
-    force, answered = found
-    return force, chain.reading(force, forward.depth), answered, np.flatnonzero(~answered)
-
-
-def _upright(values: Values) -> dict[str, float | FloatArray]:
-    """The numbers shaped to broadcast over readings: (sets, 1) where they vary."""
-    return {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-
-
-#: Contact force (N), stiffness (N/m), instrument force (N), (sets, n), and which sets exist, (sets,).
-Found = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]
-
-
-def left_out_readings(
-    forward: Forward, values: Values, sets: int, batched: Callable[[Forward, Values, int], Found]
-) -> Found | None:
-    """Readings of all parameter sets of a law with corrections; None where they must be computed one by one.
-
-    Parameters
-    ----------
-    forward : Forward
-        Forward model with corrections of its law (`LeftOutLaws`).
-    values : mapping of path to float or FloatArray
-        Every number of the scene (SI), (sets,) where it varies.
-    sets : int
-        How many sets.
-    batched : callable
-        Function that computes the readings of a model without corrections; without stiffness.
-
-    Returns
-    -------
-    tuple or None
-        Contact force (N), stiffness (N/m, left zero) and instrument force (N), each (sets, n), and which sets have
-        a law.
-    """
-    left_out = forward.left_out
-    if not isinstance(left_out, LeftOutLaws) or np.any(values[Frame.path]):
+        return on_law_readings(forward, values, sets, left_out, stiffness=stiffness)
+    if stiffness or np.any(values[Frame.path]):
         # A frame gives way under the whole force: its depths are those of one law at a time.
         return None
     bare = replace(forward, left_out=None)
-    free, _, _, exists = batched(bare, values, sets)
-    sticks, _, _, also = batched(bare.solved_by(bare.laws.solver.without_slip), values, sets)
-    asked = ParameterSets(bare, values, sets)
-    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    strained = upright[FINITE_STRAIN_PATH] * left_out.excess(forward, upright, asked.tip)
-    strained = strained + upright[BOTH_PATH] * left_out.further(upright, sticks, free, asked.tip)
-    contact = free + upright[FRICTION_PATH] * (sticks - free) + free * strained
-    return contact, np.zeros_like(contact), asked.instrument_force(contact), exists & also
+    slides = batched_readings(bare, values, sets, stiffness=False)
+    sticks = batched_readings(bare.solved_by(bare.laws.solver.without_slip), values, sets, stiffness=False)
+    asked, columns = ParameterSets(bare, values, sets), upright(values)
+    free, held = slides.contact, sticks.contact
+    strained = columns[FINITE_STRAIN_PATH] * left_out.excess(forward, columns, asked.tip)
+    strained = strained + columns[BOTH_PATH] * left_out.further(columns, held, free, asked.tip)
+    contact = free + columns[FRICTION_PATH] * (held - free) + free * strained
+    possible = slides.possible & sticks.possible
+    return Readings(contact, np.zeros_like(contact), asked.instrument_force(contact), possible)
 
 
 # Newton's method ends where the tip's depth changes by less than this share of the range of depth, or after so many
@@ -195,22 +204,19 @@ def left_out_readings(
 _SETTLED, _MOST_STEPS = 1e-9, 50
 
 
-def sticking(forward: Forward, values: Values, sets: int) -> Readings:
-    """Readings of all parameter sets of an adhesive contact from its table of laws; one by one where it has none.
-
-    `values` are all numbers of the scene (SI) by path, (sets,) where they vary.
-    """
+def _sticking(forward: Forward, values: Values, sets: int) -> Readings | None:
+    """Readings of all sets of an adhesive contact from its table of laws, a frame included; None without one."""
     # The table solves for the tip's depth itself: the links give travel and offsets only.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
     if table is None:
-        return set_by_set(forward, values, range(sets), Readings.empty(sets, forward.depth.shape[-1]))
+        return None
     b, c = asked.factors
     compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
     found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
     contact, stiffness = c[:, None] * found.force, (b * c)[:, None] * found.stiffness
     readings = Readings(contact, stiffness, asked.instrument_force(contact), found.possible)
-    return set_by_set(forward, values, np.flatnonzero(~found.possible).tolist(), readings)
+    return set_by_set(forward, values, readings)
 
 
 def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatArray, FloatArray | None]:
@@ -246,47 +252,38 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
     return (c * force, depth / b) if np.isfinite(force + depth).all() else None
 
 
-def bending(forward: Forward, values: Values, empty: Readings) -> Readings:
-    """Readings of all parameter sets with a cantilever that bends by other than its calibration assumed.
+def _bending(forward: Forward, values: Values, sets: int) -> Readings | None:
+    """Readings of all sets with a cantilever that bends by other than its calibration assumed.
 
-    What was subtracted from the depths for its bending is then wrong. Computed together where sets of unlike depths
-    can be, else one by one. `empty` is a `Readings` of zeros that gives the shape.
+    What was subtracted from the depths for its bending is then wrong. None where sets of unlike depths cannot be
+    computed together.
     """
-    sets = len(empty.possible)
     if forward.left_out is not None or is_shaped_by_lengths(forward):
-        return set_by_set(forward, values, range(sets), empty)
+        return None
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     beyond = np.broadcast_to(forward.lever_compliances(values), sets)
     offset = asked.instrument_force(np.zeros(asked.tip.shape))
     rigid = replace(forward, depth=forward.depth - beyond[:, None] * offset, bending=None, is_rigid=True)
     gives = {**values, Frame.path: values[Frame.path] + beyond}
     if forward.similarity.energies:
-        found = sticking(rigid, gives, sets)
-    elif can_batch_depths(asked):
-        found = _given_way(rigid, gives, empty)
+        found = _sticking(rigid, gives, sets)
     else:
-        found = set_by_set(rigid, gives, range(sets), empty)
-    return found._replace(force=asked.instrument_force(found.contact))
+        found = _given_way(rigid, gives, sets) if can_batch_depths(asked) else None
+    return None if found is None else found._replace(force=asked.instrument_force(found.contact))
 
 
-def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
+def _given_way(forward: Forward, values: Values, sets: int) -> Readings:
     """Readings of all parameter sets with a frame or cantilever in series, by Newton's method (`Frame`).
 
-    The compliance in `values` (m/N), (sets,), may have either sign. `empty` is a `Readings` of zeros that gives the
-    shape.
+    The compliance in `values` (m/N), (sets,), may have either sign.
     """
-    sets = len(empty.possible)
     compliance = np.broadcast_to(values[Frame.path], sets)[:, None]
     stiff = {**values, Frame.path: 0.0}
-    reading = np.array(np.broadcast_to(forward.depth, empty.contact.shape))
+    reading = np.array(np.broadcast_to(forward.depth, (sets, forward.depth.shape[-1])))
     depth, is_open = reading.copy(), np.ones(sets, dtype=bool)
     small = _SETTLED * np.ptp(reading, axis=1)
     for _ in range(_MOST_STEPS):
-        found = by_ratios(
-            ParameterSets(replace(forward, depth=depth), stiff, sets),
-            Readings.empty(*empty.contact.shape),
-            stiffness=True,
-        )
+        found = batched_readings(replace(forward, depth=depth), stiff, sets)
         share = 1.0 + compliance * found.stiffness
         stands = found.possible & (share > 0.0).all(axis=1)
         step = np.zeros_like(depth)
@@ -299,8 +296,41 @@ def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
     return found._replace(possible=stands & ~is_open)
 
 
-def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: bool = True) -> Readings:
-    """Model of one curve at many parameter sets.
+class Jacobians(NamedTuple):
+    """Force readings and their derivatives at many parameter sets.
+
+    Parameters
+    ----------
+    force : FloatArray
+        Force of the instrument (N), (sets, n).
+    columns : FloatArray
+        Its derivatives in k parameters (SI), (sets, k, n).
+    possible : ndarray of bool (sets,)
+        Which sets were computed.
+    """
+
+    force: FloatArray
+    columns: FloatArray
+    possible: NDArray[np.bool_]
+
+
+def can_batch_jacobians(forward: Forward, values: Values, paths: Sequence[str]) -> bool:
+    """Whether sets that differ in the parameters at `paths` can be computed together; `values` are all numbers."""
+    if forward.history is not None or forward.bending is not None or forward.similarity.energies:
+        return False
+    if isinstance(forward.left_out, OnLinear):
+        # Not loaded for a scene without it.
+        from underlay.inference.model.on_law_batch import goes_on_one_law  # noqa: PLC0415  see above
+
+        if not goes_on_one_law(forward.left_out, paths):
+            return False
+    elif forward.left_out is not None:
+        return False
+    return Frame.path not in paths and not np.any(values[Frame.path])
+
+
+def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequence[str]) -> Jacobians | None:
+    """Model of one curve at many parameter sets, and its derivatives in the parameters at `paths`.
 
     Parameters
     ----------
@@ -310,63 +340,51 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
         Every number of the scene (SI), (sets,) where it varies.
     sets : int
         How many sets.
-    stiffness : bool, default True
-        Whether to compute the contact stiffness; it is left zero otherwise.
+    paths : sequence of str
+        Free parameters.
 
     Returns
     -------
-    Readings
-        Its `possible` is False for a set without a law, whose row is zero.
+    Jacobians or None
+        A set that is not possible here may be so when computed alone. None where the sets cannot be computed
+        together.
     """
-    empty = Readings.empty(sets, forward.depth.shape[-1])
-    if forward.bends(values):
-        return bending(forward, values, empty)
-    if forward.history is not None:
-        return _remembered(forward, values, empty, stiffness=stiffness)
-    if forward.left_out is not None:
-        return _with_left_out(forward, values, empty, stiffness=stiffness)
-    if is_shaped_by_lengths(forward):
-        return set_by_set(forward, values, range(sets), empty)
-    return _of_this_depth(forward, values, empty, stiffness=stiffness)
+    if not can_batch_jacobians(forward, values, paths):
+        return None
+    asked = ParameterSets(forward, values, sets)
+    over, ratio = forward.over, np.ones(())
+    if over is not None:
+        asked.tip, ratio = over.seen(asked.tip)
+    on_law = forward.left_out if isinstance(forward.left_out, OnLinear) else None
+    if on_law is None:
+        laws = laws_of_sets(asked, stiffness=True, slopes=True)
+    else:
+        from underlay.inference.model.on_law_batch import on_law_slopes  # noqa: PLC0415  as above
+
+        laws = on_law_slopes(forward, values, sets, on_law, paths)
+    if laws is None:
+        return None
+    stiffness = (
+        laws.stiffness if over is None else over.stiffness(asked.tip, ratio, laws.force, laws.stiffness)
+    )
+    offsets = asked.chain.offset_slopes(forward.depth)
+    columns = np.empty((sets, len(paths), laws.force.shape[-1]))
+    for row, path in enumerate(paths):
+        if path in offsets:
+            columns[:, row] = offsets[path]
+        elif path == ContactDepth.path:
+            np.negative(stiffness, out=columns[:, row])
+        else:
+            slope = laws.through_ratios[path] if on_law is not None else _slope(asked, path, laws)
+            columns[:, row] = slope if over is None else ratio * slope
+    contact = laws.force if over is None else ratio * laws.force
+    return Jacobians(asked.instrument_force(contact), columns, laws.possible)
 
 
-def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
-    """Readings of all parameter sets of a sample without memory, whose force depends on depth alone."""
-    sets = len(empty.possible)
-    if forward.similarity.energies:
-        return sticking(forward, values, sets)
-    # The links give travel and offsets only: the deflection of the frame is found for all sets here.
-    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
-    if not np.any(values[Frame.path]):
-        return by_ratios(asked, empty, stiffness=stiffness)
-    if not can_batch_depths(asked):
-        return set_by_set(forward, values, range(sets), empty)
-    found = _given_way(forward, values, empty)
-    return found._replace(force=asked.instrument_force(found.contact))
-
-
-def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
-    """Readings of all parameter sets of a sample with memory, together if possible, else one by one."""
-    sets = len(empty.possible)
-    remembered = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
-    if remembered is not None:
-        contact, force, possible, left = remembered
-        possible[left] = False
-        readings = Readings(contact, empty.stiffness, force, possible)
-        return set_by_set(forward, values, left.tolist(), readings, stiffness=False)
-    return set_by_set(forward, values, range(sets), empty, stiffness=stiffness)
-
-
-def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
-    """Readings of all parameter sets of a law with corrections, together if possible, else one by one."""
-    sets = len(empty.possible)
-    if isinstance(forward.left_out, OnLinear):
-        from underlay.inference.model.on_law_batch import on_law_readings  # noqa: PLC0415  few scenes
-
-        return on_law_readings(forward, values, sets, forward.left_out, stiffness=stiffness)
-    found = None if stiffness else left_out_readings(forward, values, sets, _forces)
-    return set_by_set(forward, values, range(sets), empty) if found is None else Readings(*found)
-
-
-def _forces(forward: Forward, values: Values, sets: int) -> Readings:
-    return batched_readings(forward, values, sets, stiffness=False)
+def _slope(asked: ParameterSets, path: str, laws: SetLaws) -> FloatArray:
+    """Derivative of the force in the parameter at `path` (SI), (sets, n), at fixed tip depth."""
+    similarity = asked.forward.similarity
+    total = slope_by_factors(similarity, path, asked.values, asked.tip, laws.force, laws.stiffness)
+    if path in laws.through_ratios:
+        total += laws.through_ratios[path]
+    return np.asarray(total / asked.column(path))

@@ -14,8 +14,8 @@ from underlay.data.foot import converter_noise
 from underlay.errors import InputError
 from underlay.inference.model.forward import Forward, Reading, TipOverPowerLaw
 from underlay.inference.model.forward_batch import batched_readings
-from underlay.inference.model.groups import Readings, Values
 from underlay.inference.model.laws import LawStore
+from underlay.inference.model.parameter_sets import Readings, Values
 from underlay.inference.priors import Prior
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Sphere

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,8 +13,16 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.groups import ParameterSets, Readings, Values, set_by_set, values_of
+from underlay.inference.model.laws_of_sets import SetLaws
 from underlay.inference.model.on_law import OnLinear
+from underlay.inference.model.parameter_sets import (
+    ParameterSets,
+    Readings,
+    Values,
+    set_by_set,
+    upright,
+    values_of,
+)
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.finite_width import Sides, is_wide
 from underlay.mechanics.stiffening.factors import FIRST_TOUCH, gent
@@ -158,15 +166,15 @@ class _Ready:
 
 def _ready(asked: ParameterSets, on_linear: OnLinear) -> _Ready | None:
     """Make sets ready; None where no linear law serves them together, or reaches so deep."""
-    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in asked.values.items()}
-    stiff, sides = on_linear.laws(upright)
+    columns = upright(asked.values)
+    stiff, sides = on_linear.laws(columns)
     inside = asked.tip > (0.0 if stiff is None else FIRST_TOUCH * stiff.spread)
     deepest = top = np.maximum(asked.deepest[:, None], _TINY)
     possible = np.ones((asked.sets, 1), dtype=bool)
     if stiff is not None:
         stiff, top, possible = _shallow(stiff, top)
         deepest = stiff.asked(top).depth
-    linear = _linear(asked, MARGIN * deepest, upright)
+    linear = _linear(asked, MARGIN * deepest, columns)
     if linear is None:
         return None
     if stiff is not None:
@@ -182,10 +190,10 @@ def _ready(asked: ParameterSets, on_linear: OnLinear) -> _Ready | None:
 
 def on_law_readings(
     forward: Forward, values: Values, sets: int, on_linear: OnLinear, *, stiffness: bool
-) -> Readings:
+) -> Readings | None:
     """Readings of all parameter sets of a layer that stiffens, or has a finite width.
 
-    Together where one linear law serves them, else one by one.
+    None where no linear law serves them together.
 
     Parameters
     ----------
@@ -200,21 +208,24 @@ def on_law_readings(
     stiffness : bool
         Whether the stiffness is computed too.
     """
-    readings = Readings.empty(sets, forward.depth.shape[-1])
-    asked = ParameterSets(replace(forward, left_out=None), values, sets)
     # A frame gives way under the whole force: its depths are those of one law at a time.
     if np.any(values[Frame.path]) or forward.depth.ndim > 1:
-        return set_by_set(forward, values, range(sets), readings)
+        return None
+    asked = ParameterSets(replace(forward, left_out=None), values, sets)
     groups = _near(asked)
     if len(groups) > 1:
+        readings = Readings.empty(sets, forward.depth.shape[-1])
         for rows in groups:
-            part = on_law_readings(forward, _of(values, rows), len(rows), on_linear, stiffness=stiffness)
+            own_values, count = _of(values, rows), len(rows)
+            part = on_law_readings(forward, own_values, count, on_linear, stiffness=stiffness)
+            if part is None:
+                part = set_by_set(forward, own_values, Readings.empty(count, forward.depth.shape[-1]))
             for whole, own in zip(readings, part, strict=True):
                 whole[rows] = own
         return readings
     ready = _ready(asked, on_linear)
     if ready is None:
-        return set_by_set(forward, values, range(sets), readings)
+        return None
     stiff, sides, linear, w = ready.stiff, ready.sides, ready.linear, ready.depth
     if stiffness or sides is not None or stiff is None:
         force, slope = _pressed(stiff, sides, linear, w)
@@ -232,8 +243,8 @@ def goes_on_one_law(on_linear: OnLinear, paths: Sequence[str]) -> bool:
 
 def on_law_slopes(
     forward: Forward, values: Values, sets: int, on_linear: OnLinear, paths: Sequence[str]
-) -> tuple[Readings, dict[str, FloatArray]] | None:
-    """Readings, and derivatives of the contact force at fixed depth by path (SI), (sets, n) each.
+) -> SetLaws | None:
+    """Laws of all sets, with the whole derivatives (SI) at fixed depth in place of those through ratios.
 
     For parameters of `goes_on_one_law`; None where the linear law does not reach so deep. The other arguments are
     those of `on_law_readings`.
@@ -249,7 +260,7 @@ def on_law_slopes(
             slopes[path] = readings.contact / ready.asked.column(path)
         elif section == "layer.stiffening":
             slopes[path] = np.where(ready.inside, ready.stiff.slope(name, found), 0.0)
-    return readings, slopes
+    return SetLaws(readings.contact, readings.stiffness, slopes, readings.possible)
 
 
 def stiffening_factors(forward: Forward, values: Values, sets: int, on_linear: OnLinear) -> FloatArray:
@@ -264,13 +275,13 @@ def stiffening_factors(forward: Forward, values: Values, sets: int, on_linear: O
         for rows in groups:
             factors[rows] = stiffening_factors(forward, _of(values, rows), len(rows), on_linear)
         return factors
-    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    stiff, _ = on_linear.laws(upright)
+    columns = upright(values)
+    stiff, _ = on_linear.laws(columns)
     if stiff is None:
         return np.ones(sets)
     stiff, top, possible = _shallow(stiff, np.maximum(asked.deepest[:, None], _TINY))
     deepest = stiff.asked(top).depth
-    linear = _linear(asked, MARGIN * deepest, upright)
+    linear = _linear(asked, MARGIN * deepest, columns)
     if linear is None:
         return np.full(sets, np.inf)
     place = stiff.place(deepest, linear.contact_radius(deepest))
@@ -297,14 +308,14 @@ def _of(values: Values, rows: NDArray[np.intp]) -> Values:
     return {path: v[rows] if isinstance(v, np.ndarray) else v for path, v in values.items()}
 
 
-def _linear(asked: ParameterSets, deepest: FloatArray, upright: Any) -> _Similar | None:
+def _linear(asked: ParameterSets, deepest: FloatArray, columns: Mapping[str, Any]) -> _Similar | None:
     """Linear laws of all sets up to depths (m), (sets, 1), by scaling one law.
 
-    None where the sets are too far apart for one law, or the law cannot reach so deep. `upright` are the numbers of
+    None where the sets are too far apart for one law, or the law cannot reach so deep. `columns` are the numbers of
     the scene (SI) by path, (sets, 1) where they vary.
     """
     b, c = (np.asarray(factor)[:, None] for factor in asked.factors)
-    s = np.broadcast_to(asked.forward.similarity.length_ratio(upright), (asked.sets, 1))
+    s = np.broadcast_to(asked.forward.similarity.length_ratio(columns), (asked.sets, 1))
     try:
         law = _Between.of(asked.forward, asked.ratios, float((b * deepest).max()))
     except InputError:

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import MissingExtraError, missing_extra
-from underlay.inference.model.groups import Readings
 from underlay.inference.model.members import Member
+from underlay.inference.model.parameter_sets import Readings
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.scene.noise import NoiseModel
