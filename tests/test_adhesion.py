@@ -458,4 +458,4 @@ def test_a_spring_shares_the_travel_under_tension_too(tip, adhesion):
     values = behind.parameters | {"layer.E": 7e3, "layer.thickness": 6e-6}
     moved = behind.with_values({"layer.E": 7e3, "layer.thickness": 6e-6})
     expected = moved.force(curve.depth)
-    np.testing.assert_allclose(forward.force(values), expected, atol=1e-5 * abs(expected).max())
+    np.testing.assert_allclose(forward.reading(values).force, expected, atol=1e-5 * abs(expected).max())

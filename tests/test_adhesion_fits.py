@@ -143,7 +143,9 @@ def test_derivatives(tip, base):
     found = forward.jacobian(values, paths)[1]
     for column, path in enumerate(paths):
         step = 1e-4 * abs(values[path]) if values[path] else 1e-13
-        up, down = (forward.force(values | {path: values[path] + sign * step}) for sign in (1.0, -1.0))
+        up, down = (
+            forward.reading(values | {path: values[path] + sign * step}).force for sign in (1.0, -1.0)
+        )
         wanted = (up - down) / (2.0 * step)
         np.testing.assert_allclose(found[:, column], wanted, atol=2e-4 * np.abs(wanted).max(), err_msg=path)
 
@@ -170,7 +172,7 @@ def test_both_branches_in_one_fit():
     # Force and depth alone: going in, the tip feels nothing before it touches.
     going_in = np.arange(len(curve)) < len(DEPTH) // 2
     away = going_in & (curve.depth < 1.9e-7)
-    assert (problem.members[0].forward.force(scene.parameters)[away] == 0.0).all()
+    assert (problem.members[0].forward.reading(scene.parameters).force[away] == 0.0).all()
 
 
 def test_a_fit_behind_a_cantilever():

@@ -34,7 +34,9 @@ def test_a_law_says_its_derivative_towards_a_body_beside(name, path):
     assert forward.laws.slope_ratios
     assert forward.laws.store.built == 1
     step = 1e-3 * values[path]
-    above, below = (forward.force(values | {path: values[path] + side * step}) for side in (1.0, -1.0))
+    above, below = (
+        forward.reading(values | {path: values[path] + side * step}).force for side in (1.0, -1.0)
+    )
     asked = (above - below) / (2.0 * step)
     # The difference leaves out (1e-3)^2 of the third derivative, some thirty times the first in Poisson's ratio;
     # laws of 1e-8 enter it with 1e-5.
@@ -74,7 +76,9 @@ def test_a_step_to_a_body_beside_is_a_share_of_what_has_a_unit(scene, path):
     assert path in forward.laws.slope_ratios
     assert path in forward.similarity.direct
     step = 1e-3 * values[path]
-    above, below = (forward.force(values | {path: values[path] + side * step}) for side in (1.0, -1.0))
+    above, below = (
+        forward.reading(values | {path: values[path] + side * step}).force for side in (1.0, -1.0)
+    )
     asked = (above - below) / (2.0 * step)
     # The difference as above; kernels of 1e-14 enter the slope said with 1e-8.
     assert np.abs(said - asked).max() < 1e-4 * np.abs(asked).max()
@@ -108,13 +112,15 @@ def test_a_law_beyond_the_tables_says_its_derivative_as_well(name, path):
     depth = np.concatenate((np.linspace(0.05, 0.75, 20), np.linspace(0.85, 1.0, 5))) * deepest
     forward = Forward.compile(scene, depth, [E, H, BASE, C], ul.Exact(1e-8), LawStore())
     values = dict(scene.parameters)
-    forward.force(values)
+    forward.reading(values)
     built = forward.laws.store.built
     said = forward.jacobian(values, [path])[1][:, 0]
     assert forward.laws.store.built == built
     assert "table" not in forward.law_behind(values).reason
     step = 1e-3 * values[path]
-    above, below = (forward.force(values | {path: values[path] + side * step}) for side in (1.0, -1.0))
+    above, below = (
+        forward.reading(values | {path: values[path] + side * step}).force for side in (1.0, -1.0)
+    )
     asked = (above - below) / (2.0 * step)
     assert np.abs(said - asked).max() < 1e-4 * np.abs(asked).max()
 

@@ -60,11 +60,13 @@ def test_the_forward_model_is_the_scene_and_its_slopes_are_its_own(body):
     problem = problem_of(body)
     (member,) = problem.members
     values = dict(member.base)
-    np.testing.assert_allclose(member.forward.force(values), member.force, atol=1e-6 * np.ptp(member.force))
+    np.testing.assert_allclose(
+        member.forward.reading(values).force, member.force, atol=1e-6 * np.ptp(member.force)
+    )
     _, columns = member.forward.jacobian(values, (KAPPA, SIGMA))
     for path, column in zip((KAPPA, SIGMA), columns.T, strict=True):
         step = 1e-5
-        up, down = (member.forward.force({**values, path: values[path] + d}) for d in (step, -step))
+        up, down = (member.forward.reading({**values, path: values[path] + d}).force for d in (step, -step))
         # Central difference: h^2/6 of the third derivative is 1e-10; laws of other ranges differ by 1e-8.
         np.testing.assert_allclose(column, (up - down) / (2.0 * step), atol=1e-5 * np.abs(column).max())
 

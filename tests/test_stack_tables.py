@@ -42,7 +42,7 @@ def test_laws_of_one_unknown_are_read_off_a_table(scene, path):
         law = forward.law(values, float(DEPTH[-1])).inner
         assert "tabulated" in law.reason
         solved = scene.with_values(values).force(DEPTH, solver=ul.Exact(1e-9))
-        np.testing.assert_allclose(forward.force(values), solved, rtol=1e-5)
+        np.testing.assert_allclose(forward.reading(values).force, solved, rtol=1e-5)
 
 
 @pytest.mark.parametrize("path", UNKNOWNS)

@@ -199,7 +199,7 @@ def _misfit(problem: Problem, vector: FloatArray) -> float:
     for member in problem.members:
         values = member.values_at(physical)
         try:
-            model = member.forward.force(values)
+            model = member.forward.reading(values, stiffness=False).force
         except InputError:
             return np.inf
         total += float(((model - member.force) ** 2).sum()) / float(np.ptp(member.force)) ** 2

@@ -399,32 +399,22 @@ class Forward:
     def reading(self, values: Mapping[str, float], *, stiffness: bool = True) -> Reading:
         """Contact force, stiffness and force reading at every depth reading; raises as `law` does.
 
-        `values` are all numbers of the scene (SI) by path. Without `stiffness` that of a sample with memory is left
-        zero.
+        `values` are all numbers of the scene (SI) by path. Without `stiffness` it is left zero.
         """
         chain, depth = self._chain(values)
         if isinstance(self.history, WholeHistory):
-            return self._whole(self.history.at(values), chain)
+            return self._whole(self.history.at(values), chain, stiffness=stiffness)
         law = self.law(values, self._deepest(chain, depth))
         w = self._tip_depth(chain, law, depth)
-        if self.history is not None:
-            contact = self._remembered(law, self.history, values).force(w, self.time)
+        if self.history is None and stiffness:
+            contact, slope = law.force_and_stiffness(w)
+        else:
+            pressed: Response = law
+            if self.history is not None:
+                pressed = self._remembered(law, self.history, values)
+            contact = pressed.force(w, self.time)
             slope = law.stiffness(w) if stiffness else np.zeros_like(contact)
-            return Reading(contact, slope, chain.reading(contact, self.depth))
-        contact, slope = law.force_and_stiffness(w)
         return Reading(contact, slope, chain.reading(contact, self.depth))
-
-    def force(self, values: Mapping[str, float]) -> FloatArray:
-        """Force reading of the instrument (N), (n,), at numbers `values`; raises as `law` does."""
-        chain, depth = self._chain(values)
-        if isinstance(self.history, WholeHistory):
-            w = chain.travel(self.depth)
-            return chain.reading(self.history.at(values).answer(w, checked_times(self.time, w)), self.depth)
-        law: Response = self.law(values, self._deepest(chain, depth))
-        w = self._tip_depth(chain, law, depth)
-        if self.history is not None:
-            law = self._remembered(law, self.history, values)
-        return chain.reading(law.force(w, self.time), self.depth)
 
     def jacobian(
         self, values: Mapping[str, float], paths: Sequence[str], *, rough: bool = False
@@ -467,11 +457,12 @@ class Forward:
             rows[row] = columns[path]
         return reading, rows.T
 
-    def _whole(self, history: WholeHistory, chain: Chain) -> Reading:
+    def _whole(self, history: WholeHistory, chain: Chain, *, stiffness: bool = True) -> Reading:
         """Reading of a sample whose memory gives the force of a whole motion itself, without a frame in series."""
         w = chain.travel(self.depth)
         contact = history.answer(w, checked_times(self.time, w))
-        return Reading(contact, history.stiffness(w, contact), chain.reading(contact, self.depth))
+        slope = history.stiffness(w, contact) if stiffness else np.zeros_like(contact)
+        return Reading(contact, slope, chain.reading(contact, self.depth))
 
     def _whole_jacobian(
         self, history: WholeHistory, chain: Chain, paths: Sequence[str]

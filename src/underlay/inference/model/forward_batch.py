@@ -38,7 +38,7 @@ from underlay.inference.model.parameter_sets import (
 from underlay.mechanics.contact import AdhesionTable
 from underlay.mechanics.response import WholeHistory, checked_times
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
-from underlay.scene.instrument import SENSITIVITY_RATIO, Chain, ContactDepth, Frame
+from underlay.scene.instrument import Chain, ContactDepth, Frame
 
 
 def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: bool = True) -> Readings:
@@ -144,8 +144,7 @@ def _relaxing(forward: Forward, values: Values, sets: int) -> _Forces | None:
     if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
         return None
     contact = np.broadcast_to(values[ContactDepth.path], sets)
-    depth = np.broadcast_to(forward.depth_at(upright(values)), (sets, forward.depth.shape[-1]))
-    depth = depth - contact[:, None]
+    depth = np.broadcast_to(forward.depth, (sets, forward.depth.shape[-1])) - contact[:, None]
     prefix = f"{history.prefix}."
     own = {
         path.removeprefix(prefix): np.broadcast_to(value, sets)
@@ -161,12 +160,12 @@ def _relaxing(forward: Forward, values: Values, sets: int) -> _Forces | None:
     asked, left = np.flatnonzero(possible & ~sudden), np.flatnonzero(sudden)
     force = np.zeros(depth.shape)
     if asked.size:
-        still = {**values, ContactDepth.path: 0.0, SENSITIVITY_RATIO: 1.0}
+        still = {**values, ContactDepth.path: 0.0}
 
         def loads(rows: NDArray[np.intp], w: FloatArray) -> FloatArray:
             of = asked[rows]
             own = {path: v[of] if isinstance(v, np.ndarray) else v for path, v in still.items()}
-            same = replace(forward, history=None, time=None, depth=w, bending=None)
+            same = replace(forward, history=None, time=None, depth=w)
             found = batched_readings(same, own, len(of), stiffness=False)
             possible[of] &= found.possible
             return found.contact

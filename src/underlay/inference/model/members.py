@@ -180,7 +180,7 @@ class Member:
 
     def model(self, physical: FloatArray) -> FloatArray:
         """Force reading of the instrument (N), (n,), predicted at parameters (k,), SI; raises as `reading` does."""
-        return self.forward.force(self.values_at(physical))
+        return self.forward.reading(self.values_at(physical), stiffness=False).force
 
     def reading(self, physical: FloatArray) -> Reading:
         """Predicted force and stiffness at parameters (k,), SI; raises InputError where no contact law exists."""
