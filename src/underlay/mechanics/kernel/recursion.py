@@ -69,13 +69,12 @@ Formula = Callable[[FloatArray, "_Roots", FloatArray], None]
 _SERIES = 2.0
 # The first term left out is 2^22 3!/25! = 2e-18 of the first.
 _TERMS = 22
-_BLOCKS = 6
 # The slower root over sigma/2 below which E_3 and E_4 are written in the roots: the forms in sigma and d lose the
 # ratio. At the switch both are right to 1e-15.
 _APART = 0.5
 # |d^2|/p below which roots that turn count as real: twice what the rounding of isotropic constants leaves.
-_ROUNDING = 4.0 * np.finfo(float).eps
-_POWERS = read_only(np.arange(_TERMS, dtype=np.float64))
+_EPSILON = float(np.finfo(float).eps)
+_ROUNDING = 4.0 * _EPSILON
 
 
 def _sums() -> FloatArray:
@@ -83,26 +82,27 @@ def _sums() -> FloatArray:
 
     i < terms and 2 j < terms; sigma and d as in the module's head. The coefficient of v^(k+3) is the sum of
     (-sigma)^i (4 d^2)^j with i + 2 j = k over (k + 3)!, that of v^(2k+4) the sum of sigma^(2i) (4 d^2)^j with i + j
-    = k over (2k + 4)!: complete homogeneous sums of the nodes, and of their squares. The columns hold four powers
-    of each series in turn.
+    = k over (2k + 4)!: complete homogeneous sums of the nodes, and of their squares. The columns hold the powers of
+    the one series, then those of the other.
 
     E_0 to E_4 are functions of v, the wavenumber times the thickness: the parts of the propagator of
     one layer.
     """
-    table = np.zeros((_TERMS, _TERMS // 2, 2, _BLOCKS * 4))
+    table = np.zeros((_TERMS, _TERMS // 2, 2, _TERMS))
     for i in range(_TERMS):
         for j in range((_TERMS - i + 1) // 2):
             table[i, j, 0, i + 2 * j] = 1.0 / factorial(i + 2 * j + 3)
             if i % 2 == 0:
                 table[i, j, 1, i + 2 * j] = 1.0 / factorial(i + 2 * j + 4)
-    return np.swapaxes(table.reshape(-1, 2, _BLOCKS, 4), 1, 2).reshape(len(table) * (_TERMS // 2), -1)
+    return table.reshape(len(table) * (_TERMS // 2), -1)
 
 
 _SUMS = read_only(_sums())
+_UNIT_MATRIX = read_only(np.eye(5))
 
 
-def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
-    """The five vectors that E_0 to E_4 multiply: y, A y, A^2 y and the two products of the module's head.
+def passage(of: Sequence[FloatArray]) -> FloatArray:
+    """The matrices that E_0 to E_4 multiply: 1, A, A^2 and the two products of the module's head.
 
     Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
     E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them (see the
@@ -110,34 +110,42 @@ def products(of: PlaneConstants, y: Sequence[Real]) -> list[tuple[Real, ...]]:
 
     Parameters
     ----------
-    of : PlaneConstants
-        Of the layer.
-    y : sequence of five floats or ndarrays
-        Minors under the layer.
+    of : sequence of seven arrays (...)
+        q, c, g, S, p, p - q and sigma of the layers (`PlaneConstants`).
 
     Returns
     -------
-    list of five tuples
-        Five minors each.
+    ndarray (..., 5, 5, 5)
+        By minor above the layer, minor below it, and function.
     """
-    q, c, g, S = of
-    p, gap, sigma = of.p, of.p_minus_q, of.sigma
-    unit, cross, both, radial, axial = y
-    turned, stiff = axial - q * radial, S * g - 2.0 * q
-    down, out = c * unit - 2.0 * q * cross + g * both, S * unit + 2.0 * cross
-    first = (g * radial, turned, c * radial + S * axial, out, down)
-    second = (
-        g * out,
-        down - q * out,
-        c * out + S * down,
-        stiff * radial + 2.0 * axial,
-        2.0 * p * p * radial + stiff * axial,
-    )
-    even, odd = 2.0 * ((p * S + c) * unit + 2.0 * gap * cross + g * both), 2.0 * (p * radial + axial)
-    third = (g * odd, gap * odd, (c + p * S) * odd, even, p * even)
-    grown = even + sigma * odd
-    fourth = (g * grown, gap * grown, (c + p * S) * grown, sigma * grown, p * sigma * grown)
-    return [tuple(y), first, second, third, fourth]
+    q, c, g, S, p, gap, sigma = of
+    matrices = np.zeros((*g.shape, 5, 5, WAVES))
+    unit, A, twice, third, fourth = np.moveaxis(matrices, -1, 0)
+    unit[...] = _UNIT_MATRIX
+    A[..., 0, 3] = A[..., 4, 2] = g
+    A[..., 2, 3] = A[..., 4, 0] = c
+    A[..., 2, 4] = A[..., 3, 0] = S
+    A[..., 4, 1] = -2.0 * q
+    A[..., 1, 3] = -q
+    A[..., 1, 4], A[..., 3, 1] = 1.0, 2.0
+    np.matmul(A, A, out=twice)
+    # The third product is two columns times the rows 2 w_o and 2 w_e.
+    columns, rows = np.zeros((2, *g.shape, 2, 5))
+    stiff = p * S + c
+    columns[..., 0, 0] = g
+    columns[..., 0, 1] = gap
+    columns[..., 0, 2] = stiff
+    columns[..., 1, 3], columns[..., 1, 4] = 1.0, p
+    rows[..., 0, 3], rows[..., 0, 4] = p, 1.0
+    rows[..., 1, 0] = stiff
+    rows[..., 1, 1] = 2.0 * gap
+    rows[..., 1, 2] = g
+    rows *= 2.0
+    np.matmul(columns.swapaxes(-1, -2), rows, out=third)
+    rate = sigma[..., None]
+    column, row = columns[..., 0, :] + rate * columns[..., 1, :], rows[..., 1, :] + rate * rows[..., 0, :]
+    np.multiply(column[..., :, None], row[..., None, :], out=fourth)
+    return matrices
 
 
 class _Roots(NamedTuple):
@@ -167,24 +175,22 @@ class Waves:
         half = 0.5 * sigma
         square = half * half - p
         # Nearer to equal than its rounding d^2 is not known, and nothing here needs it.
-        d = np.sqrt(np.maximum(np.abs(square), np.finfo(float).eps * p))
-        kinds = np.where(square < -_ROUNDING * p, 0, np.where(p < _APART * half * (half + d), 1, 2))[
-            :, 0
-        ].tolist()
+        d = np.sqrt(np.maximum(np.abs(square), _EPSILON * p))
+        kinds = ((square >= -_ROUNDING * p) * (1 + (p >= _APART * half * (half + d))))[:, 0].tolist()
         self._kinds: list[tuple[list[int], Formula, _Roots]] = []
         for kind in set(kinds):
             rows = [row for row, own in enumerate(kinds) if own == kind]
-            own = (
-                (float(root[0, 0]) for root in (p, sigma, d))
-                if len(p) == 1
-                else (p[rows], sigma[rows], d[rows])
-            )
+            own: Sequence[Real] = p, sigma, d
+            if len(p) == 1:
+                own = [float(root[0, 0]) for root in own]
+            elif len(rows) < len(p):
+                own = p[rows], sigma[rows], d[rows]
             self._kinds.append((rows, (_turning, _far, _near)[kind], _Roots(*own)))
         self._scale = np.maximum(sigma, 2.0 * np.sqrt(p))
         over = 1.0 / self._scale
-        powers = (sigma * -over) ** _POWERS
-        pairs = powers[:, :, None] * (4.0 * square * over * over)[:, None] ** _POWERS[: _TERMS // 2]
-        self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), -1, 4)
+        first, second = _powers(sigma * -over, _TERMS), _powers(4.0 * square * over * over, _TERMS // 2)
+        pairs = first * second.swapaxes(1, 2)
+        self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), 2, _TERMS)
 
     def __call__(self, v: FloatArray) -> FloatArray:
         """E_0 to E_4, (rows, 5, nodes), at `v` (rows, nodes), wavenumber times thickness, zero or more.
@@ -214,22 +220,20 @@ class Waves:
         z = self._scale * v
         near = (z < _SERIES)[:, None]
         np.minimum(z, _SERIES, out=z)
-        powers = np.empty((len(z), 4, z.shape[1]))
-        powers[:, 0], powers[:, 1] = 1.0, z
-        square = np.multiply(z, z, out=powers[:, 2])
-        np.multiply(square, z, out=powers[:, 3])
-        blocks = (self._series @ powers).reshape(len(z), _BLOCKS, 2, -1)
-        fourth = (square * square)[:, None]
-        series = blocks[:, -1]
-        for k in range(_BLOCKS - 2, -1, -1):
-            series *= fourth
-            series += blocks[:, k]
+        series = self._series @ _powers(z, _TERMS)
         start = v * v
         start *= v
         start *= out[:, 0]
         series *= start[:, None]
         series[:, 1] *= v
         np.copyto(out[:, 3:], series, where=near)
+
+
+def _powers(x: FloatArray, count: int) -> FloatArray:
+    """The first `count` powers of x (rows, n), from 1 on: (rows, count, n)."""
+    powers = np.empty((len(x), count, x.shape[1]))
+    powers[:, 0], powers[:, 1:] = 1.0, x[:, None]
+    return np.multiply.accumulate(powers, axis=1, out=powers)
 
 
 def _turning(v: FloatArray, roots: _Roots, out: FloatArray) -> None:
@@ -329,14 +333,6 @@ class Sheet:
         """Whether its lower face opens or slides in proportion to the stress."""
         return self.opening != 0.0 or not (self.sliding == 0.0 or self.slips)
 
-    @cached_property
-    def roots(self) -> tuple[Real, Real]:
-        """Product p and sum sigma of the decay roots.
-
-        Displacements at wavenumber xi decay with depth z as exp(-root xi z).
-        """
-        return self.constants.p, self.constants.sigma
-
 
 class Recursion:
     """1 - L(u) and the other surface compliances of given layers on a base, as a function of the wavenumber.
@@ -352,31 +348,17 @@ class Recursion:
     """
 
     def __init__(self, sheets: tuple[Sheet, ...], base: PlaneConstants | None) -> None:
-        self._sheets, under = sheets[::-1], _halfspace_minors(base)
-        columns = [(*sheet.roots, sheet.thickness) for sheet in self._sheets]
-        p, sigma, thick = np.broadcast_arrays(*(_in_rows(column) for column in zip(*columns, strict=True)))
-        self._lead, self._thicknesses = p.shape[:-1], thick
-        self._waves = Waves(p.reshape(-1, 1), sigma.reshape(-1, 1))
-        growing = _halfspace_minors(sheets[0].constants)
-        self._growing = _in_rows(growing)
-        # Where the lowest interface does not know the wavenumber, neither does what is below the first passage.
-        self._fed = not sheets[-1].sprung
-        self._base = _in_rows(under)
-        if self._fed:
-            under = _slid(under) if sheets[-1].slips else under
-            self._lowest = _parts(sheets[-1].constants, under)
-        self._alone = self._fed and len(sheets) == 1
-        if self._alone:
-            change = [own - under[_UNIT] * grown for own, grown in zip(under, growing, strict=True)]
-            parts = _parts(sheets[0].constants, change)
-            self._seen = (self._growing[..., 1:, :] * parts[..., :1, :] - parts[..., 1:, :])[..., :-1]
-            self._unit = self._lowest[..., :1, :]
-        else:
-            self._tables = _passages(self._sheets)
-            table = self._tables[-1]
-            unit = table[..., :1, :, :]
-            self._seen = (self._growing[..., 1:, :, None] * unit - table[..., 1:, :, :])[..., :-1]
-            self._unit = unit
+        self._sheets = sheets[::-1]
+        of = _in_rows([(*_seven(sheet.constants), sheet.thickness) for sheet in self._sheets])
+        self._thicknesses, self._lead = of[-1], of.shape[1:-1]
+        self._waves = Waves(of[4].reshape(-1, 1), of[6].reshape(-1, 1))
+        self._base = _in_rows([[minor] for minor in _halfspace_minors(base)])[0]
+        self._growing = _in_rows([[minor] for minor in _halfspace_minors(sheets[0].constants)])[0]
+        self._passages = passage(of[:7, ..., 0])
+        top = self._passages[..., -1, :, :, :]
+        self._unit = top[..., :1, :, :]
+        # The last function is the growing wave, which leaves nothing.
+        self._seen = (self._growing[..., 1:, :, None] * self._unit - top[..., 1:, :, :])[..., :-1]
 
     def one_minus_L(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,) of zero or more.
@@ -421,8 +403,6 @@ class Recursion:
         module).
         """
         top, part = functions[..., -1, :, :], functions[..., -1, :-1, :]
-        if self._alone:
-            return np.asarray(self._seen[..., rows, :] @ part / (self._unit @ top))
         below = self._under_the_top(u, functions)
         change = below - below[..., :1, :] * self._growing
         return _applied(self._seen[..., rows, :, :], part, change) / _applied(self._unit, top, below)
@@ -445,11 +425,7 @@ class Recursion:
         """
         y = self._base
         for number, sheet in enumerate(self._sheets[:-1]):
-            basis = functions[..., number, :, :]
-            if number == 0 and self._fed:
-                y = self._lowest @ basis
-            else:
-                y = _applied(self._tables[number], basis, _opened(u, sheet, y))
+            y = _applied(self._passages[..., number, :, :, :], functions[..., number, :, :], _opened(u, sheet, y))
             if number:  # any factor will do; one or two passages cannot grow beyond all numbers
                 y = y / y.max(axis=-2, keepdims=True)
         return _opened(u, self._sheets[-1], y)
@@ -476,50 +452,18 @@ def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray(np.add.reduce(passage, axis=-2))
 
 
-def _parts(of: PlaneConstants, y: Sequence[Real]) -> FloatArray:
-    """Minors above a sheet, by function E_k, from minors y below that do not depend on u: (..., 5, functions).
-
-    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
-    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them (see the
-    module).
-    """
-    parts = products(of, y)
-    if not isinstance(of.g, np.ndarray):
-        return np.array(parts).T
-    return _table(parts, (len(of.g), 5, 1))[..., 0, :]
+def _seven(of: PlaneConstants) -> tuple[Real, ...]:
+    """q, c, g, S, p, p - q and sigma, as `passage` takes them."""
+    return (*of, of.p, of.p_minus_q, of.sigma)
 
 
-def _passages(sheets: Sequence[Sheet]) -> FloatArray:
-    """Propagators of the sheets by function E_k: minors above from minors below, (sheets, ..., 5, 5, functions).
-
-    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
-    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them (see the
-    module).
-    """
-    of = PlaneConstants(*(_in_rows(column) for column in zip(*(s.constants for s in sheets), strict=True)))
-    table = _table(products(of, list(np.eye(5))), (*_in_rows([s.roots[0] for s in sheets]).shape[:-1], 5, 5))
-    return np.moveaxis(table, -4, 0)
-
-
-def _table(parts: Sequence[Sequence[Real]], shape: tuple[int, ...]) -> FloatArray:
-    """Five minors for each function E_k, each (..., columns), as one array (..., 5, columns, functions).
-
-    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
-    E_0 to E_4 are the functions of wavenumber times thickness by which a layer transmits them (see the
-    module).
-    """
-    table = np.empty((*shape, WAVES))
-    for k, part in enumerate(parts):
-        for row, entry in enumerate(part):
-            table[..., row, :, k] = entry
-    return table
-
-
-def _in_rows(of_sheets: Sequence[Real]) -> FloatArray:
-    """Stack one number per sheet as rows: (rows, 1), or (sets, rows, 1) where numbers are arrays (sets, 1)."""
-    if not any(isinstance(number, np.ndarray) for number in of_sheets):
-        return np.array(of_sheets, dtype=np.float64)[:, None]
-    return np.stack(np.broadcast_arrays(*of_sheets), axis=-2)
+def _in_rows(of_sheets: Sequence[Sequence[Real]]) -> FloatArray:
+    """Numbers of sheets as an array (numbers, sheets, 1), or (numbers, sets, sheets, 1) where some are (sets, 1)."""
+    flat = [number for own in of_sheets for number in own]
+    if not any(isinstance(number, np.ndarray) for number in flat):
+        return np.array(of_sheets, dtype=np.float64).T[..., None]
+    stacked = np.stack(np.broadcast_arrays(*flat))
+    return stacked.reshape(len(of_sheets), -1, *stacked.shape[1:]).transpose(1, 2, 0, 3)
 
 
 def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
@@ -532,14 +476,6 @@ def _halfspace_minors(base: PlaneConstants | None) -> tuple[Real, ...]:
     g, p, gap, sigma = base.g, base.p, base.p_minus_q, base.sigma
     # det C = (p sigma^2 - (p - q)^2)/g^2 without the difference.
     return g / g, gap / g, (p * base.S + base.c) / g, sigma / g, p * sigma / g
-
-
-def _slid(minors: Sequence[Real]) -> tuple[Real, ...]:
-    """Minors above an interface that slides without friction, from those below.
-
-    Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
-    """
-    return 0.0, 0.0, minors[_AXIAL], minors[_UNIT], 0.0
 
 
 def _opened(u: FloatArray, sheet: Sheet, y: FloatArray) -> FloatArray:
