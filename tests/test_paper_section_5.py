@@ -6,9 +6,8 @@ import pytest
 from mpmath import mpf
 
 import underlay as ul
-from support.series import blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
+from support.series import blunt_cases, blunt_curve, depth_5_3, fifty_digits, force_5_2, order_of, series
 from underlay.mechanics.asymptotic import blunt
-from underlay.mechanics.asymptotic.blunt import BluntLayer
 from underlay.mechanics.indenters import abel_factor
 
 __all__ = ["fifty_digits"]  # used by pytest
@@ -66,9 +65,9 @@ def test_eq_5_7_radius_series_inverts_5_3(lam, moments):
 
 
 def test_eq_5_6_and_5_8_dimensionless_depth():
-    case = BluntLayer(2.0, 0.5 / 3.0, 1.0, 0.1, 0.0, 0.0)  # R = 3, h = 0.1
-    assert blunt.scaled_depth(np.array([0.02]), case)[0] == pytest.approx(np.sqrt(3.0 * 0.02) / 0.1)
-    assert blunt.parametric_depth(np.array([0.3]), case)[0] == pytest.approx(0.3**2 / 3.0)
+    case = blunt_curve(2.0, 0.5 / 3.0, 1.0, 0.1, (0.0, 0.0), form="parametric")  # R = 3, h = 0.1
+    assert case.start(np.array([0.02]))[0] == pytest.approx(np.sqrt(3.0 * 0.02))
+    assert case.depth(np.array([0.3]))[0][0] == pytest.approx(0.3**2 / 3.0)
 
 
 @blunt_cases
@@ -84,19 +83,15 @@ def test_eq_5_9_and_5_9a_force_series_follows_from_5_2_and_5_7(lam, moments):
     assert order_of(lambda eps: residual(eps, wrong)) == pytest.approx(4.0, abs=0.01)
 
 
-def test_eq_5_9_law_and_batch_are_the_same_relation():
-    case = BluntLayer(1.5, 0.8, 3.0, 1.0, 1.377, -0.628)
+def test_eq_5_9_is_the_explicit_law():
     depth = np.geomspace(1e-6, 0.3, 20)
+    case = blunt_curve(1.5, 0.8, 3.0, 1.0, (1.377, -0.628))
     varpi = (depth / (0.8 * float(abel_factor(1.5)))) ** (1 / 1.5)
     C = blunt.force_coefficients(1.5, 1.377, -0.628)
     printed = (
         3.0 * 0.8 ** (-1 / 1.5) * float(blunt.force_factor(1.5)) * depth ** (1 + 1 / 1.5) * series(C, varpi)
     )
-    assert np.allclose(blunt.explicit_force(depth, case), printed, rtol=1e-13)
-    batch = BluntLayer(1.5, 0.8, np.array([[3.0], [6.0]]), 1.0, np.array([[1.377], [1.377]]), -0.628)
-    both = blunt.explicit_force(depth, batch)
-    assert both.shape == (2, 20)
-    assert np.allclose(both, [printed, 2 * printed], rtol=1e-13)
+    assert np.allclose(case.load(depth, case.start(depth)), printed, rtol=1e-13)
 
 
 def test_eq_5_11_paraboloid_coefficients():
@@ -135,6 +130,7 @@ def test_eq_5_12_and_5_13_cone():
     force = 1 + 4 * a_0 / pi**2 * x + 20 * a_0**2 / pi**4 * x**2
     force += (112 * a_0**3 / pi**6 + 16 * a_1 / pi**4) * x**3
     force += (672 * a_0**4 / pi**8 + 224 * a_0 * a_1 / pi**6) * x**4
-    case = BluntLayer(1.0, ul.Cone(half_angle).coefficient, theta, h, a_0, a_1)
-    assert np.allclose(blunt.explicit_radius(w, case), 2 * cot / pi * w * radius, rtol=1e-13)
-    assert np.allclose(blunt.explicit_force(w, case), 4 * theta * cot / pi * w**2 * force, rtol=1e-13)
+    case = blunt_curve(1.0, ul.Cone(half_angle).coefficient, theta, h, (a_0, a_1))
+    s = case.start(w)
+    assert np.allclose(case.radius(s), 2 * cot / pi * w * radius, rtol=1e-13)
+    assert np.allclose(case.load(w, s), 4 * theta * cot / pi * w**2 * force, rtol=1e-13)

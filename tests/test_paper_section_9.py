@@ -7,22 +7,21 @@ from mpmath import mpf
 
 import underlay as ul
 from support.reference_contact import solve
-from support.series import blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
+from support.series import blunt_cases, blunt_curve, depth_5_3, fifty_digits, force_5_2, order_of, series
 from underlay.mechanics.asymptotic import blunt
-from underlay.mechanics.asymptotic.blunt import BluntLayer
 
 __all__ = ["fifty_digits"]  # used by pytest
 
 
 @blunt_cases
 def test_eq_9_1_and_9_2_quotient(lam, moments):
-    case = BluntLayer(lam, 1, 1, 1, *moments)
     eps = mpf("0.21")
     numerator = mpmath.diff(lambda x: force_5_2(x, lam, moments), eps)
     denominator = mpmath.diff(lambda x: depth_5_3(x, lam, moments), eps)
     quotient = 4 * lam / (lam + 1) * numerator / denominator  # theta A F_1 = 4 lambda/(lambda+1) A F_2
-    stiffness = blunt.parametric_stiffness(float(eps), BluntLayer(*(float(x) for x in case)))
-    assert float(stiffness) == pytest.approx(float(quotient), rel=1e-12)
+    case = blunt_curve(float(lam), 1.0, 1.0, 1.0, moments, form="parametric")
+    s = np.array([float(eps)])
+    assert case.force(s)[1] / case.depth(s)[1] == pytest.approx(float(quotient), rel=1e-12)
 
 
 @blunt_cases
@@ -58,9 +57,11 @@ def test_eq_9_4_and_the_erratum_before_it(lam, moments):
     force_slope = mpmath.diff(lambda x: x ** (lam + 1) * series(C, x), varpi)
     scale = 4 * lam / (lam + 1) * A * F_2 * h ** (lam + 1)
     if lam <= 7:
-        case = BluntLayer(*(float(x) for x in (lam, A, 1, h, *moments)))
-        mine = blunt.explicit_stiffness(np.array([float(w)]), case)[0]
-        assert mine == pytest.approx(float(scale * force_slope * slope), rel=1e-10)
+        case = blunt_curve(float(lam), float(A), 1.0, float(h), moments)
+        s = case.start(np.array([float(w)]))
+        assert case.force(s)[1] / case.depth(s)[1] == pytest.approx(
+            float(scale * force_slope * slope), rel=1e-10
+        )
         prefactor = (lam + 1) / lam * float(blunt.force_factor(float(lam))) * F_2 ** (1 / lam)
         assert abs(prefactor - 4) < 1e-12  # the identity after (9.4)
 

@@ -6,11 +6,59 @@ from mpmath import mpf
 
 import underlay as ul
 from support.reference_contact import solve
-from support.series import MOMENTS, blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
+from support.series import (
+    MOMENTS,
+    blunt_cases,
+    blunt_curve,
+    depth_5_3,
+    fifty_digits,
+    force_5_2,
+    order_of,
+    series,
+)
 from underlay.mechanics.asymptotic import blunt
-from underlay.mechanics.asymptotic.blunt import BluntLayer
 
 __all__ = ["fifty_digits"]  # used by pytest
+
+
+def inverse_coefficients(lam, a_0, a_1):
+    """D_1..D_4 of (8.2): varpi = P~ (1 + D_1 P~ + ... + D_4 P~^4), the inverse of (8.1)."""
+    b, c = blunt.kernel_terms(a_0, a_1)
+    one = lam + 1.0
+    beta, gamma = b / one, (lam + 2.0) / (one * (lam + 3.0)) * c
+    return (
+        -beta,
+        (1.0 - lam) / 2.0 * beta**2,
+        -(1.0 - lam) * (1.0 - 2.0 * lam) / 6.0 * beta**3 - gamma,
+        (1.0 - lam) * (1.0 - 2.0 * lam) * (1.0 - 3.0 * lam) / 24.0 * beta**4 + (1.0 - lam) * beta * gamma,
+    )
+
+
+def scaled_contact_coefficients(lam, a_0, a_1):
+    """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7)."""
+    b, c = blunt.kernel_terms(a_0, a_1)
+    one, three = lam + 1.0, lam + 3.0
+    return (
+        -b / one,
+        -(lam - 1.0) / (2.0 * one**2) * b**2,
+        -(lam - 1.0) * (2.0 * lam - 1.0) / (6.0 * one**3) * b**3 - (2.0 * lam + 5.0) / (one * three) * c,
+        -(lam - 1.0) * (2.0 * lam - 1.0) * (3.0 * lam - 1.0) / (24.0 * one**4) * b**4
+        - (lam**2 - lam - 8.0) / (one**2 * three) * b * c,
+    )
+
+
+def kappa_coefficients(lam, a_0, a_1):
+    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's."""
+    b, c = blunt.kernel_terms(a_0, a_1)
+    one, three = lam + 1.0, lam + 3.0
+    two = 2.0 * lam + 1.0
+    return (
+        b,
+        two / (2.0 * one) * b**2,
+        two * (3.0 * lam + 1.0) / (6.0 * one**2) * b**3 + (lam + 2.0) / three * c,
+        two * (3.0 * lam + 1.0) * (4.0 * lam + 1.0) / (24.0 * one**3) * b**4
+        + (2.0 * lam**2 + 4.0 * lam - 1.0) / (one * three) * b * c,
+    )
 
 
 def kappa_residual(lam, moments, K):
@@ -23,20 +71,19 @@ def kappa_residual(lam, moments, K):
 
 
 def test_eq_7_1_and_7_2_scaling_factor():
-    case = BluntLayer(3.0, 0.8, 2.0, 1.0, 1.2, -0.5)
-    halfspace = case._replace(a_0=0.0, a_1=0.0)
+    case, halfspace = (blunt_curve(3.0, 0.8, 2.0, 1.0, moments) for moments in ((1.2, -0.5), (0.0, 0.0)))
     depth = np.linspace(0.01, 0.1, 5)
-    ratio = blunt.explicit_force(depth, case) / blunt.explicit_force(depth, halfspace)
-    varpi = blunt.scaled_depth(depth, case)
+    varpi = case.start(depth)
+    ratio = case.load(depth, varpi) / halfspace.load(depth, varpi)
     assert np.allclose(ratio, series(blunt.force_coefficients(3.0, 1.2, -0.5), varpi), rtol=1e-13)
     F_3 = float(blunt.force_factor(3.0))
     printed = 2.0 * 0.8 ** (-1 / 3) * F_3 * depth ** (4 / 3)
-    assert np.allclose(blunt.explicit_force(depth, halfspace), printed, rtol=1e-13)
+    assert np.allclose(halfspace.load(depth, varpi), printed, rtol=1e-13)
 
 
 @blunt_cases
 def test_eq_7_3_depth_series(lam, moments):
-    coefficients = blunt.scaled_contact_coefficients(lam, *moments)
+    coefficients = scaled_contact_coefficients(lam, *moments)
 
     def residual(eps):
         return depth_5_3(eps, lam, moments) ** (1 / lam) / (eps * series(coefficients, eps)) - 1
@@ -47,7 +94,7 @@ def test_eq_7_3_depth_series(lam, moments):
 
 @blunt_cases
 def test_eq_7_4_and_7_5_kappa_and_its_erratum(lam, moments):
-    K = blunt.kappa_coefficients(lam, *moments)
+    K = kappa_coefficients(lam, *moments)
     assert order_of(kappa_residual(lam, moments, K)) == pytest.approx(5.0, abs=0.02)
     # Erratum: as printed, 8 a_1 (lambda - 2)/(3 pi (lambda + 3)), the third order is off by 4 c/(lambda + 3).
     c = blunt.kernel_terms(*moments)[1]
@@ -61,7 +108,7 @@ def test_eq_7_4_and_7_5_kappa_and_its_erratum(lam, moments):
 
 def test_eq_7_6_paraboloid_kappa():
     a_0, a_1, pi = 1.3, -0.6, np.pi
-    assert blunt.kappa_coefficients(2.0, a_0, a_1) == pytest.approx(
+    assert kappa_coefficients(2.0, a_0, a_1) == pytest.approx(
         [
             2 * a_0 / pi,
             10 * a_0**2 / (3 * pi**2),
@@ -77,7 +124,7 @@ def test_eq_7_7_is_the_limit_of_7_5(moments):
     a_0, a_1 = (float(m) for m in moments)
     limit = blunt.kappa_infinity_coefficients(a_0, a_1)
     for lam in (1e4, 1e8):
-        assert blunt.kappa_coefficients(lam, a_0, a_1) == pytest.approx(limit, rel=20 / lam)
+        assert kappa_coefficients(lam, a_0, a_1) == pytest.approx(limit, rel=20 / lam)
 
 
 @pytest.mark.parametrize("form", ["explicit", "parametric", "compliance"])
@@ -91,20 +138,23 @@ def test_eq_7_7_against_the_exact_flat_punch(form):
 
 
 def test_eq_8_1_and_8_3_force_in_varpi():
-    case = BluntLayer(3.0, 0.8, 2.0, 1.5, 1.2, -0.5)
+    case, compliance = (
+        blunt_curve(3.0, 0.8, 2.0, 1.5, (1.2, -0.5), form=form) for form in ("explicit", "compliance")
+    )
     depth = np.linspace(0.01, 0.1, 5)
-    varpi = blunt.scaled_depth(depth, case)
+    s = case.start(depth)
+    varpi = s / 1.5
     f = series(blunt.force_coefficients(3.0, 1.2, -0.5), varpi)
     printed = 2.0 * 0.8 * float(blunt.force_prefactor(3.0)) * 1.5**4 * varpi**4 * f
-    force = blunt.explicit_force(depth, case)
-    assert np.allclose(force, printed, rtol=1e-13)
-    assert np.allclose(blunt.scaled_force(force, case), varpi * f**0.25, rtol=1e-13)
+    assert np.allclose(case.load(depth, s), printed, rtol=1e-13)
+    # (8.3): the compliance form's parameter is the half-space radius at the force.
+    assert np.allclose(compliance.force(s * f**0.25)[0], printed, rtol=1e-13)
 
 
 @blunt_cases
 def test_eq_8_2_inverts_8_1(lam, moments):
     C = blunt.force_coefficients(lam, *moments)
-    D = blunt.inverse_coefficients(lam, *moments)
+    D = inverse_coefficients(lam, *moments)
 
     def residual(varpi):
         scaled = varpi * series(C, varpi) ** (1 / (lam + 1))
@@ -115,7 +165,7 @@ def test_eq_8_2_inverts_8_1(lam, moments):
 
 @blunt_cases
 def test_eq_8_4_is_8_2_to_the_power_lambda(lam, moments):
-    D = blunt.inverse_coefficients(lam, *moments)
+    D = inverse_coefficients(lam, *moments)
     W = blunt.compliance_depth_coefficients(lam, *moments)
     if lam == 1:
         assert [float(d) for d in D] == pytest.approx([float(w) for w in W], abs=1e-15)
@@ -136,13 +186,13 @@ def test_eq_8_5_radius_from_force_follows_from_5_2(lam, moments):
 
 
 def test_eq_8_4_and_8_5_as_arrays():
-    case = BluntLayer(2.0, 0.5, 2.0, 1.5, 1.2, -0.5)
-    force = np.linspace(0.1, 0.5, 4)
-    scaled = blunt.scaled_force(force, case)
+    case = blunt_curve(2.0, 0.5, 2.0, 1.5, (1.2, -0.5), form="compliance")
+    scaled = np.linspace(0.1, 0.3, 4)
+    force = case.force(1.5 * scaled)[0]
     lam, F_3 = 2.0, float(blunt.force_factor(2.0))
     bracket = 1 - 2 * lam * 1.2 / (np.pi * 3) * scaled
     bracket -= 8 * lam * 4 * -0.5 / (3 * np.pi * 3 * 5) * scaled**3
     printed = 0.5 ** (1 / 3) * (force / (2.0 * F_3)) ** (2 / 3) * bracket
-    assert np.allclose(blunt.compliance_depth(force, case), printed, rtol=1e-13)
+    assert np.allclose(case.depth(1.5 * scaled)[0], printed, rtol=1e-13)
     radius = 1.5 * scaled * (1 + 8 * -0.5 / (3 * np.pi * 3) * scaled**3)
-    assert np.allclose(blunt.compliance_radius(force, case), radius, rtol=1e-13)
+    assert np.allclose(case.radius(1.5 * scaled), radius, rtol=1e-13)

@@ -10,7 +10,9 @@ import mpmath
 import pytest
 from mpmath import mpf
 
+import underlay as ul
 from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.series import power_law_series
 
 SERIES_EXPONENTS = [mpf(1), mpf("1.5"), mpf(2), mpf(3), mpf(7), mpf(50)]
 MOMENTS = [(mpf("1.77"), mpf("-0.958")), (mpf("-0.9"), mpf("0.4")), (mpf("0.1"), mpf("-0.15"))]
@@ -34,6 +36,12 @@ def order_of(residual, decade=7):
 
 def series(coefficients, x):
     return 1 + sum(c * x**n for n, c in enumerate(coefficients, start=1))
+
+
+def blunt_curve(lam, A, theta, h, moments, form="explicit"):
+    """Depth, force and contact radius of A r^lambda on a layer of thickness h and kernel moments (a_0, a_1)."""
+    a_0, a_1 = (float(moment) for moment in moments)
+    return power_law_series(ul.PowerLaw(lam, A), theta, h, (a_0, a_1), order=4, form=form)
 
 
 def depth_5_3(eps, lam, moments):

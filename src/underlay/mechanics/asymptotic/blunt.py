@@ -7,17 +7,14 @@ radius, a_half that on a half-space at the same depth, h the thickness.
 Throughout, b = 2 a_0/pi and c = 8 a_1/(3 pi), so that 16 a_0 a_1/(3 pi^2) = b c.
 
 Source: Argatov and Sabina, asymptotic analysis of the substrate effect for an arbitrary indenter; paraboloid:
-Argatov (2011), second order. Erratum used here: in (7.5) the printed 8 a_1 (lambda - 2)/(3 pi (lambda + 3))
-must read (lambda + 2); with the printed sign neither (7.6) nor (7.7) follows.
+Argatov (2011), second order.
 
-From them follow depth, force and contact radius of a `BluntLayer`: parameter sets as (batch, 1) against depths or
-forces (n,) give (batch, n). `AsymptoticLaw` checks ranges and errors; these do not. `order`, 0 to 4, is the number
-of terms kept.
+`series` makes curves of depth, force and contact radius of them. `order`, 0 to 4, is the number of terms kept.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -92,43 +89,6 @@ def force_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
     )
 
 
-def inverse_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """D_1..D_4 of (8.2): varpi = P~ (1 + D_1 P~ + ... + D_4 P~^4), the inverse of (8.1).
-
-    The paper leaves them unwritten; (8.4) is their lambda-th power, whose second and fourth terms vanish.
-
-    varpi is the half-space contact radius at the depth over the thickness. The shape is A r^lambda,
-    lambda = `exponent`. P~ is the half-space contact radius at the force over the thickness. Equation
-    numbers are those of Argatov and Sabina.
-    """
-    b, c = kernel_terms(a_0, a_1)
-    lam, one = exponent, exponent + 1.0
-    beta, gamma = b / one, (lam + 2.0) / (one * (lam + 3.0)) * c
-    return (
-        -beta,
-        (1.0 - lam) / 2.0 * beta**2,
-        -(1.0 - lam) * (1.0 - 2.0 * lam) / 6.0 * beta**3 - gamma,
-        (1.0 - lam) * (1.0 - 2.0 * lam) * (1.0 - 3.0 * lam) / 24.0 * beta**4 + (1.0 - lam) * beta * gamma,
-    )
-
-
-def scaled_contact_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7).
-
-    varpi is the half-space contact radius at the depth over the thickness. eps is a/h, contact radius
-    over thickness. Equation numbers are those of Argatov and Sabina.
-    """
-    b, c = kernel_terms(a_0, a_1)
-    lam, one, three = exponent, exponent + 1.0, exponent + 3.0
-    return (
-        -b / one,
-        -(lam - 1.0) / (2.0 * one**2) * b**2,
-        -(lam - 1.0) * (2.0 * lam - 1.0) / (6.0 * one**3) * b**3 - (2.0 * lam + 5.0) / (one * three) * c,
-        -(lam - 1.0) * (2.0 * lam - 1.0) * (3.0 * lam - 1.0) / (24.0 * one**4) * b**4
-        - (lam**2 - lam - 8.0) / (one**2 * three) * b * c,
-    )
-
-
 def parametric_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
     """Coefficients of (5.3), depth w by contact radius: w = A F_2 a^lambda (1 + ... eps + ... eps^4).
 
@@ -158,25 +118,6 @@ def compliance_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Serie
     b, c = kernel_terms(a_0, a_1)
     lam, one = exponent, exponent + 1.0
     return -lam / one * b, 0.0 * b, -lam * (lam + 2.0) / (one * (lam + 3.0)) * c, 0.0 * b
-
-
-def kappa_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
-    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's.
-
-    Both at the same depth, as a function of eps = a/h; (7.6) is lambda = 2.
-
-    The shape is A r^lambda, lambda = `exponent`. Equation numbers are those of Argatov and Sabina.
-    """
-    b, c = kernel_terms(a_0, a_1)
-    lam, one, three = exponent, exponent + 1.0, exponent + 3.0
-    two = 2.0 * lam + 1.0
-    return (
-        b,
-        two / (2.0 * one) * b**2,
-        two * (3.0 * lam + 1.0) / (6.0 * one**2) * b**3 + (lam + 2.0) / three * c,
-        two * (3.0 * lam + 1.0) * (4.0 * lam + 1.0) / (24.0 * one**3) * b**4
-        + (2.0 * lam**2 + 4.0 * lam - 1.0) / (one * three) * b * c,
-    )
 
 
 def kappa_infinity_coefficients(a_0: Real, a_1: Real) -> Series:
@@ -227,130 +168,3 @@ def truncated(coefficients: Series, x: Real, order: int) -> Real:
     for coefficient in reversed(coefficients[:order]):
         total = (total + coefficient) * x
     return 1.0 + total
-
-
-class BluntLayer(NamedTuple):
-    """A power-law indenter A r^lambda on a layer: lambda, A (m^(1-lambda)), theta (Pa), h (m), a_0, a_1.
-
-    theta is the layer's elastic constant, h its thickness, a_0 and a_1 the kernel's moments (1.8); floats or
-    arrays.
-    """
-
-    exponent: Real
-    coefficient: Real
-    theta: Real
-    thickness: Real
-    a_0: Real
-    a_1: Real
-
-    @property
-    def shape_and_moments(self) -> tuple[Real, Real, Real]:
-        """(lambda, a_0, a_1): the arguments of the coefficients in `blunt`.
-
-        The shape is A r^lambda.
-        """
-        return self.exponent, self.a_0, self.a_1
-
-
-def scaled_depth(depth: FloatArray, case: BluntLayer) -> FloatArray:
-    """varpi, the half-space contact radius at `depth` (m) over the thickness: (w/(A F_2))^(1/lambda)/h (5.8).
-
-    w is the depth, and F_2(lambda) the factor of (5.5), `abel_factor`.
-
-    The shape is A r^lambda. Equation numbers are those of Argatov and Sabina.
-    """
-    scale = case.coefficient * abel_factor(case.exponent)
-    return np.asarray((depth / scale) ** (1.0 / case.exponent) / case.thickness)
-
-
-def scaled_force(force: FloatArray, case: BluntLayer) -> FloatArray:
-    """P~, the half-space contact radius at `force` (N) over the thickness: (P/(theta A F_1))^(1/(lambda+1))/h.
-
-    Equation (8.3) of the paper, with P the force and F_1(lambda) of (5.4).
-
-    The shape is A r^lambda. theta is the layer's elastic constant.
-    """
-    scale = case.theta * case.coefficient * force_prefactor(case.exponent)
-    return np.asarray((force / scale) ** (1.0 / (case.exponent + 1.0)) / case.thickness)
-
-
-def explicit_force(depth: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Force (N) at `depth` w (m): (5.9) in the form (8.1), 4 theta lambda/(lambda+1) w varpi h f_lambda.
-
-    varpi is `scaled_depth`, and f_lambda the series in it, kept up to `order`.
-
-    varpi is the half-space contact radius at the depth over the thickness. The shape is A r^lambda.
-    theta is the layer's elastic constant. Equation numbers are those of Argatov and Sabina.
-    """
-    varpi = scaled_depth(depth, case)
-    factor = truncated(force_coefficients(*case.shape_and_moments), varpi, order)
-    lam = case.exponent
-    return np.asarray(4.0 * case.theta * lam / (lam + 1.0) * depth * varpi * case.thickness * factor)
-
-
-def explicit_radius(depth: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Contact radius (m) at `depth` (m): the series (5.7), kept up to `order`.
-
-    Equation numbers are those of Argatov and Sabina.
-    """
-    varpi = scaled_depth(depth, case)
-    return np.asarray(
-        case.thickness * varpi * truncated(radius_coefficients(*case.shape_and_moments), varpi, order)
-    )
-
-
-def explicit_stiffness(depth: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """dP/dw (N/m) at `depth` w (m): the series (9.4), kept up to `order`; its prefactor is 4 theta h varpi.
-
-    varpi is the half-space contact radius at the depth over the thickness. theta is the layer's elastic
-    constant. Equation numbers are those of Argatov and Sabina.
-    """
-    varpi = scaled_depth(depth, case)
-    one = case.exponent + 1.0
-    weighted = [
-        c * (one + n) / one for n, c in enumerate(force_coefficients(*case.shape_and_moments), start=1)
-    ]
-    series = truncated((weighted[0], weighted[1], weighted[2], weighted[3]), varpi, order)
-    return np.asarray(4.0 * case.theta * case.thickness * varpi * series)
-
-
-def parametric_depth(radius: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Depth (m) at contact `radius` (m): the series (5.3), kept up to `order`.
-
-    Equation numbers are those of Argatov and Sabina.
-    """
-    series = truncated(parametric_depth_coefficients(*case.shape_and_moments), radius / case.thickness, order)
-    return np.asarray(case.coefficient * abel_factor(case.exponent) * radius**case.exponent * series)
-
-
-def parametric_stiffness(radius: FloatArray, case: BluntLayer) -> FloatArray:
-    """dP/dw (N/m) at contact `radius` (m), fourth order: (9.2), the quotient (9.1) of (5.2) and (5.3).
-
-    Equation numbers are those of Argatov and Sabina.
-    """
-    b, c = kernel_terms(case.a_0, case.a_1)
-    lam, one, eps = case.exponent, case.exponent + 1.0, radius / case.thickness
-    above = 1.0 - c * (lam + 4.0) / one * eps**3
-    below = 1.0 - b * eps - c * (2.0 * lam + 5.0) / one * eps**3 + b * c * (lam + 4.0) / one * eps**4
-    return np.asarray(4.0 * case.theta * radius * above / below)
-
-
-def compliance_depth(force: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Depth (m) at `force` (N): the series (8.4), kept up to `order`.
-
-    Equation numbers are those of Argatov and Sabina.
-    """
-    scaled = scaled_force(force, case)
-    series = truncated(compliance_depth_coefficients(*case.shape_and_moments), scaled, order)
-    depth = case.coefficient * abel_factor(case.exponent) * (case.thickness * scaled) ** case.exponent
-    return np.asarray(depth * series)
-
-
-def compliance_radius(force: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Contact radius (m) at `force` (N): the series (8.5), kept up to `order`.
-
-    Equation numbers are those of Argatov and Sabina.
-    """
-    scaled = scaled_force(force, case)
-    c = kernel_terms(case.a_0, case.a_1)[1] if order >= 3 else 0.0
-    return np.asarray(case.thickness * scaled * (1.0 + c / (case.exponent + 1.0) * scaled**3))

@@ -258,7 +258,10 @@ def _watched(body: Kernel, eps: float, *resolutions: Resolution) -> list[FloatAr
     One call of the kernel for all of them: for so few nodes calls cost more than arithmetic.
     """
     grids = [PunchGrid.of(eps * _WATCHED, resolution) for resolution in resolutions]
-    values = np.split(body.values(np.concatenate([grid.u for grid in grids])), np.cumsum([grid.u.size for grid in grids[:-1]]))
+    values = np.split(
+        body.values(np.concatenate([grid.u for grid in grids])),
+        np.cumsum([grid.u.size for grid in grids[:-1]]),
+    )
     found = []
     for grid, own in zip(grids, values, strict=True):
         punch = grid.solve(own)

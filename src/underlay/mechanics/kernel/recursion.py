@@ -425,7 +425,9 @@ class Recursion:
         """
         y = self._base
         for number, sheet in enumerate(self._sheets[:-1]):
-            y = _applied(self._passages[..., number, :, :, :], functions[..., number, :, :], _opened(u, sheet, y))
+            y = _applied(
+                self._passages[..., number, :, :, :], functions[..., number, :, :], _opened(u, sheet, y)
+            )
             if number:  # any factor will do; one or two passages cannot grow beyond all numbers
                 y = y / y.max(axis=-2, keepdims=True)
         return _opened(u, self._sheets[-1], y)
@@ -458,7 +460,7 @@ def _seven(of: PlaneConstants) -> tuple[Real, ...]:
 
 
 def _in_rows(of_sheets: Sequence[Sequence[Real]]) -> FloatArray:
-    """Numbers of sheets as an array (numbers, sheets, 1), or (numbers, sets, sheets, 1) where some are (sets, 1)."""
+    """Numbers of sheets as (numbers, sheets, 1), or (numbers, sets, sheets, 1) where some are (sets, 1)."""
     flat = [number for own in of_sheets for number in own]
     if not any(isinstance(number, np.ndarray) for number in flat):
         return np.array(of_sheets, dtype=np.float64).T[..., None]
