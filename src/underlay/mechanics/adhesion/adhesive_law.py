@@ -19,7 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -31,10 +31,8 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.contact_law import ContactLaw, ContactState
 
-#: Radii (m), (n,), to (y, dy/da).
-Curve: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-#: Radii (m), (n,), to further columns that are to be interpolated too, (n, k).
-Columns: TypeAlias = Callable[[FloatArray], FloatArray]
+#: Radii (m), (n,), to y, dy/da, and a further number that is to be interpolated too.
+Curve: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 # Knots per unit of ln a, at a relative error of 1e-6: cubic splines of functions whose scale is one.
 _DENSITY, _DENSITY_RTOL = 60.0, 1e-6
 _FEWEST = 24
@@ -84,7 +82,7 @@ class _Piece:
 
 @dataclass(frozen=True)
 class StablePath:
-    """Stable contacts: ln a and further columns, interpolated in y in [`end`, `top`]; see `stable_path`.
+    """Stable contacts: ln a and a further number, interpolated in y in [`end`, `top`]; see `stable_path`.
 
     y is the controlled quantity: depth, force, or travel of the spring's far end.
     """
@@ -124,13 +122,13 @@ class StablePath:
         return np.asarray(np.exp(self.values(y)[0][:, 0]))
 
     def values(self, y: FloatArray, *, slopes: bool = False) -> tuple[FloatArray, FloatArray]:
-        """ln a and the further columns at y (n,), and their derivatives in y, each (n, 1 + k).
+        """ln a and the further number at y (n,), and their derivatives in y, each (n, 2).
 
         The derivatives are zero unless `slopes` is true.
 
         y is the controlled quantity: depth, force, or travel of the spring's far end.
         """
-        found = np.empty((y.size, self.pieces[0].spline.c.shape[-1]))
+        found = np.empty((y.size, 2))
         slope = np.zeros_like(found)
         for number, piece in enumerate(self.pieces):
             here = slice(None) if len(self.pieces) == 1 else self._belongs(y, number)
@@ -145,19 +143,15 @@ class StablePath:
         return (y <= piece.top) & ((y > piece.end) | last)
 
 
-def stable_path(
-    curve: Curve, grid: FloatArray, columns: Columns | None = None, rtol: float = 1e-6
-) -> StablePath:
+def stable_path(curve: Curve, grid: FloatArray, rtol: float = 1e-6) -> StablePath:
     """Find the stable pieces of y(a) on `grid` and interpolate them; y is what is controlled (module's head).
 
     Parameters
     ----------
     curve : callable
-        Radii (m), (n,), to (y, dy/da).
+        Radii (m), (n,), to y, dy/da, and a further number that is to be interpolated.
     grid : FloatArray
         Radii (m), increasing, fine enough to resolve every minimum of y; from the last inwards y must decrease.
-    columns : callable, optional
-        Radii (m), (n,), to further columns (n, k) to be interpolated.
     rtol : float
         Relative error of the interpolation.
 
@@ -174,7 +168,7 @@ def stable_path(
     upper, last = float(grid[-1]), grid.size - 1
     for start in starts:
         lower = _minimum(curve, grid, int(start))
-        piece = _piece(curve, lower, upper, columns, rtol)
+        piece = _piece(curve, lower, upper, rtol)
         pieces.append(piece)
         last = int(start) - 1
         while last >= 0 and not stable[last]:
@@ -185,19 +179,17 @@ def stable_path(
     return StablePath(tuple(pieces), tuple(jumps))
 
 
-def _piece(curve: Curve, lower: float, upper: float, columns: Columns | None, rtol: float) -> _Piece:
+def _piece(curve: Curve, lower: float, upper: float, rtol: float) -> _Piece:
     span = float(np.log(upper / lower))
     count = _FEWEST + int(span * _DENSITY * (_DENSITY_RTOL / rtol) ** 0.25)
     radius = lower * np.exp(np.linspace(0.0, span, count))
     radius[-1] = upper
-    y = curve(radius)[0]
+    y, _, further = curve(radius)
     end = float(y[0])
     scale = abs(end) or float(y[-1] - end)
     x = np.arcsinh(np.sqrt((y - end) / scale))
-    further = () if columns is None else (columns(radius),)
-    return _Piece(
-        end, float(y[-1]), lower, scale, CubicSpline(x, np.column_stack((np.log(radius), *further)))
-    )
+    spline = CubicSpline(x, np.column_stack((np.log(radius), further)))
+    return _Piece(end, float(y[-1]), lower, scale, spline)
 
 
 def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
@@ -213,8 +205,12 @@ def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
     # On a stretch this short the slope is a polynomial to rounding: one call in place of one for each step.
     low, high = np.log(grid[start - 1]), np.log(grid[min(start + 1, grid.size - 1)])
     slopes = curve(np.exp(low + 0.5 * (high - low) * (_NODES + 1.0)))[1]
-    powers = _TO_POWERS @ (slopes / np.abs(slopes).max())
-    place = brentq(lambda at: float(np.polyval(powers, at)), -1.0, 1.0, xtol=1e-15, rtol=1e-14)
+    powers = (_TO_POWERS @ (slopes / np.abs(slopes).max())).tolist()
+
+    def slope(at: float) -> float:
+        return float(reduce(lambda total, power: total * at + power, powers))
+
+    place = brentq(slope, -1.0, 1.0, xtol=1e-15, rtol=1e-14)
     return float(np.exp(low + 0.5 * (high - low) * (place + 1.0)))
 
 
@@ -271,21 +267,19 @@ class AdhesiveBranch(ABC):
         The path's variable is the travel w + C P (m) of the spring's other end; under load control the force (N).
         Next to ln a it holds arcsinh(P/scale), scale being `force_scale`.
         """
-        count = 2 + int(_PER_DECADE * np.log10(self.end / self.start))
-        grid = np.geomspace(self.start, self.end, count)
-        grid[0], grid[-1] = self.start, self.end
+        span = float(np.log(self.end / self.start))
+        grid = self.start * np.exp(np.linspace(0.0, span, 2 + int(_PER_DECADE * span / np.log(10.0))))
+        grid[-1] = self.end
 
-        def curve(radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def curve(radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
             here = self.at(radius)
+            further = np.arcsinh(here.force / self.force_scale)
             if compliance == np.inf:
-                return here.force, here.force_slope
+                return here.force, here.force_slope, further
             travel = here.depth + compliance * here.force
-            return travel, here.depth_slope + compliance * here.force_slope
+            return travel, here.depth_slope + compliance * here.force_slope, further
 
-        def column(radius: FloatArray) -> FloatArray:
-            return np.asarray(np.arcsinh(self.at(radius).force / self.force_scale)[:, None])
-
-        return stable_path(curve, grid, column, rtol)
+        return stable_path(curve, grid, rtol)
 
 
 def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArray[np.bool_]:
