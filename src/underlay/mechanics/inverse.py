@@ -1,8 +1,7 @@
 """Inverting increasing relations, many at once, and the depth at given forces of a contact law.
 
 Newton's method in logarithms, kept inside a shrinking bracket. `invert_increasing` begins at given guesses;
-`depth_at_loads` must get along with the ends of asymptotic laws, at which the stiffness is zero or infinite,
-and has nothing to begin at but the law's range.
+`depth_at_loads` has nothing to begin at but the law's range.
 """
 
 from __future__ import annotations
@@ -20,8 +19,6 @@ from underlay.errors import RangeError
 _MAX_STEPS = 80
 #: Depths (m), (n,), to forces (N) or stiffnesses (N/m), (n,).
 Primitive: TypeAlias = Callable[[FloatArray], FloatArray]
-# Quadratic after the first steps on a smooth law.
-_LAW_INVERSE_MAX_STEPS = 60
 
 
 def invert_increasing(
@@ -29,8 +26,9 @@ def invert_increasing(
     target: FloatArray,
     start: FloatArray,
     end: float,
+    least: float = 0.0,
 ) -> FloatArray:
-    """Solve y(x) = `target` for x in (0, `end`], elementwise, y increasing there from y(0) = 0.
+    """Solve y(x) = `target` for x in (`least`, `end`], elementwise, y increasing there from y(`least`) = 0.
 
     Newton's method on ln y(ln x), where power laws are straight, kept inside a shrinking bracket.
 
@@ -44,6 +42,8 @@ def invert_increasing(
         Positive first guesses.
     end : float
         Largest x, infinite where the relation has no end.
+    least : float, default 0
+        Where a smallest x is known, steps may be of any length from the first on.
 
     Returns
     -------
@@ -51,8 +51,10 @@ def invert_increasing(
     """
     goal = np.log(target)
     x = np.log(np.minimum(start, end))
-    low = np.full_like(x, -np.inf)
+    low = np.full_like(x, np.log(least) if least else -np.inf)
     high = np.full_like(x, np.log(end))
+    # No step beyond a factor e while the bracket may still be open.
+    longest = np.inf if least else 1.0
     for _ in range(_MAX_STEPS):
         radius = np.exp(x)
         value, slope = relation(radius)
@@ -60,12 +62,13 @@ def invert_increasing(
         high = np.where(error > 0.0, np.minimum(high, x), high)
         low = np.where(error < 0.0, np.maximum(low, x), low)
         rate = slope * radius / value
-        # A flat spot (rate near zero, at a turning point) must not throw the step out of all bounds.
+        # A flat spot (rate near zero, at a turning point) must not throw the step out of all bounds, and where the
+        # slope is infinite, as at the end of an asymptotic law, Newton's step is zero: halve the bracket.
         step = error / np.maximum(rate, 1e-3)
-        # No step beyond a factor e: the bracket may still be open.
-        proposal = x - np.sign(step) * np.minimum(np.abs(step), 1.0)
+        still = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
+        proposal = x - np.sign(step) * np.minimum(np.abs(step), longest)
         middle = 0.5 * (low + high)
-        outside = (proposal >= high) | (proposal <= low)
+        outside = (proposal > high) | (proposal < low) | still
         proposal = np.where(outside & np.isfinite(middle), middle, np.minimum(proposal, high))
         if (np.abs(proposal - x) <= 2.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all():
             return np.asarray(np.exp(proposal))
@@ -91,31 +94,16 @@ def depth_at_loads(
         If a load is beyond the force at the end of the domain.
     """
     start = domain[0]
-    # From here on depths and forces count from the beginning of the domain, where most laws have no force.
-    target = np.log(load - least)
-    high = np.full_like(load, np.log(_ceiling(force, float(load.max()), least, domain, beyond)))
-    # Power laws have 1 <= dlnP/dlnw <= 2 or so; the bracket only has to exist, not to be tight.
-    low = np.full_like(load, np.log(np.finfo(float).tiny))
-    x = high.copy()
-    for _ in range(_LAW_INVERSE_MAX_STEPS):
-        w = np.exp(x)
-        found = force(start + w) - least
-        error = np.log(found) - target
-        high = np.where(error > 0.0, np.minimum(high, x), high)
-        low = np.where(error < 0.0, np.maximum(low, x), low)
-        miss, slope = error * found, stiffness(start + w) * w
-        # An asymptotic law ends where its stiffness is zero (no step: halve the bracket) ...
-        step = np.divide(miss, slope, out=np.where(miss == 0.0, 0.0, np.inf), where=slope > 0.0)
-        proposal = x - step
-        # ... or infinite, where Newton's step is zero: halve then too.
-        stuck = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
-        outside = (proposal > high) | (proposal < low) | stuck
-        proposal = np.where(outside, 0.5 * (low + high), proposal)
-        settled = bool((np.abs(proposal - x) <= 4.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all())
-        x = proposal
-        if settled:
-            break
-    return np.asarray(start + np.exp(x))
+    end = _ceiling(force, float(load.max()), least, domain, beyond)
+
+    def relation(w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Force and stiffness, depths and forces counted from the beginning of the domain, where most have none."""
+        return force(start + w) - least, stiffness(start + w)
+
+    ends = np.full_like(load, end)
+    return np.asarray(
+        start + invert_increasing(relation, load - least, ends, end, float(np.finfo(float).tiny))
+    )
 
 
 def _ceiling(force: Primitive, top: float, least: float, domain: tuple[float, float], beyond: str) -> float:
