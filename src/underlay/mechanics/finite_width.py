@@ -34,6 +34,7 @@ from underlay.errors import InputError, LawError
 from underlay.mechanics.body import SHAPES, Body, Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, LawOnLaw, OnLaw
 from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.stiffening.factors import poisson_shares
 from underlay.mechanics.stiffening.law import StiffeningLaw
 
 # A square as a round of the same area; by its half-width alone forces are 6.5 % off at w/R = 0.5, W 5 to 6.5
@@ -55,7 +56,6 @@ _BONDED_BELOW = (
     (0.0016, 0.0159, 0.0770, 0.2695, 0.808, 2.028),
     (0.0003, 0.0023, 0.0389, 0.2186, 0.758, 1.983),
 )
-_BELOW = (0.45, 0.3)
 _LEAST_NU = 0.3
 # Scale of q: of 0.5, 1 and 2 the last is nearest to the study's own spline (0.0012, 0.0007 and 0.0004).
 _BEND = 2.0
@@ -104,18 +104,11 @@ def kappa(ratio: FloatArray, nu: PerSet, *, sliding: bool = False) -> FloatArray
     if not (np.asarray(nu) >= _LEAST_NU).all():
         raise InputError(f"finite width is known for nu from {_LEAST_NU:g}; got {float(np.min(nu)):g}")
     q = t / (t + _BEND)
-    bent, nodes = _bent(nu), [_bent(0.5), *(_bent(row) for row in _BELOW)]
-    splines = _splines(sliding)
-    found = t / np.pi + splines[0](q)
-    for here, other, spline in ((1, 2, splines[1]), (2, 1, splines[2])):
-        share = bent * (bent - nodes[other]) / (nodes[here] * (nodes[here] - nodes[other]))
+    own, *below = _splines(sliding)
+    found = t / np.pi + own(q)
+    for share, spline in zip(poisson_shares(nu)[1:], below, strict=True):
         found = found - share * spline(q)
     return np.asarray(found)
-
-
-def _bent(nu: PerSet) -> PerSet:
-    """k/(k + 1/2) with k = 1 - 2 nu: the variable of the parabola through the data at nu 0.5, 0.45 and 0.3."""
-    return (1.0 - 2.0 * nu) / (1.5 - 2.0 * nu)
 
 
 @cache

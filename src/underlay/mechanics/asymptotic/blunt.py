@@ -14,6 +14,7 @@ Argatov (2011), second order.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -152,7 +153,7 @@ def kappa_infinity(eps: Real, a_0: Real, a_1: Real, *, order: int = 4, form: str
         Not positive where the form has broken down.
     """
     if form == "explicit":
-        return np.asarray(truncated(kappa_infinity_coefficients(a_0, a_1), eps, order))
+        return horner((1.0, *kappa_infinity_coefficients(a_0, a_1)[:order]), eps)
     b, c = kernel_terms(a_0, a_1)
     first = b * eps if order >= 1 else 0.0 * b * eps
     third = c * eps**3 if order >= 3 else 0.0 * c * eps
@@ -162,9 +163,10 @@ def kappa_infinity(eps: Real, a_0: Real, a_1: Real, *, order: int = 4, form: str
     return np.asarray((1.0 - third) / (1.0 - first - 2.0 * third + cross))
 
 
-def truncated(coefficients: Series, x: Real, order: int) -> Real:
-    """1 + c_1 x + ... + c_order x^order, with c_1, c_2, ... the `coefficients`, by Horner's rule."""
-    total: Real = np.zeros_like(x)
-    for coefficient in reversed(coefficients[:order]):
-        total = (total + coefficient) * x
-    return 1.0 + total
+def horner(terms: Sequence[Real], x: Real) -> FloatArray:
+    """Value of the polynomial with coefficients `terms` of 1, x, x^2, ..."""
+    value = np.full_like(x, terms[-1])
+    for term in terms[-2::-1]:
+        value *= x
+        value += term
+    return value

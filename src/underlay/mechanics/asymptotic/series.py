@@ -254,9 +254,9 @@ class PowerLawSeries(ContactSeries):
         s is the parameter of the curve, a radius.
         """
         lam = self.shape.exponent
-        load = _horner(self.force_terms, s / self.thickness)
+        load = blunt.horner(self.force_terms, s / self.thickness)
         if len(self.depth_terms) > 1:
-            load /= _horner(self.depth_terms, s / self.thickness)
+            load /= blunt.horner(self.depth_terms, s / self.thickness)
         load *= s
         load *= depth
         load *= 4.0 * self.theta * lam / (lam + 1.0)
@@ -269,7 +269,7 @@ class PowerLawSeries(ContactSeries):
 
         s is the parameter of the curve, a radius.
         """
-        return s * _horner(self.radius_terms, s / self.thickness)
+        return s * blunt.horner(self.radius_terms, s / self.thickness)
 
 
 def power_law_series(
@@ -305,15 +305,6 @@ def _terms(series: blunt.Series, order: int) -> tuple[float, ...]:
     while terms[-1] == 0.0:
         terms.pop()
     return tuple(terms)
-
-
-def _horner(terms: tuple[float, ...], x: FloatArray) -> FloatArray:
-    """Value of the polynomial with coefficients `terms` of 1, x, x^2, ..."""
-    value = np.full_like(x, terms[-1])
-    for term in reversed(terms[:-1]):
-        value *= x
-        value += term
-    return value
 
 
 def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -88,14 +88,6 @@ class CurveBatch:
             None if self.slopes is None else self.slopes[rows],
         )
 
-    def logarithms(self, varpi: FloatArray) -> FloatArray:
-        """Logarithms (sets, 3, n) of the three factors (see `Factor`) of all sets at the same `varpi` (n,).
-
-        The three factors are contact radius, force and stiffness over the half-space's.
-        """
-        z = self.stretch.z(np.repeat(varpi[None], len(self.stretch.length), axis=0))
-        return polynomial(self.coefficients, z[:, None, :])
-
     def force(
         self,
         depth: ArrayLike,

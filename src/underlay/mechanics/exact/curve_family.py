@@ -25,7 +25,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import isotropic_constants
-from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.contact_problem import ContactProblem, SolvedCurve
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -102,14 +102,6 @@ class Cell(NamedTuple):
     ratio: int
     range: int
     rtol: float
-
-    @classmethod
-    def holding(cls, exponent: float, family: Family, ratio: float, varpi: float, rtol: float) -> Cell:
-        """Cell whose ranges hold the given ratio k and largest varpi.
-
-        varpi is the half-space contact radius at the depth over the thickness.
-        """
-        return cls(exponent, family, ratio_number(ratio), range_number(varpi), rtol)
 
     @property
     def log_ratios(self) -> RatioSpan:
@@ -283,6 +275,26 @@ class CurveFamily:
                 f"table's span {np.exp(low):.6g} to {np.exp(high):.6g}: ask the cell that holds them"
             )
         return place
+
+
+def solved_alone(
+    exponent: float, family: Family, ratio: float, reach: int, rtol: float
+) -> SolvedCurve | None:
+    """Curve of a power-law tip on one body of a family, cached; None beyond a/h = 20, or at a fold.
+
+    `ratio` is the body's ratio k, `reach` the number of the range of varpi, the half-space contact radius at the
+    depth over the thickness.
+    """
+
+    def solved() -> SolvedCurve | None:
+        problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, family.kernel(ratio))
+        try:
+            found = known_curve(problem, range_end(reach), rtol)
+        except RangeError:
+            return None
+        return None if found.curve.jumps else found
+
+    return TABLES.get(("alone", exponent, family, ratio, reach, rtol), solved)
 
 
 def curve_family(cell: Cell) -> CurveFamily | None:

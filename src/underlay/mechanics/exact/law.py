@@ -208,11 +208,8 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     indenter = contact.indenter
     if indenter.has_edge:
         return exact_punch_law(contact, max_depth, rtol)
-    length = contact.thickness
-    if length == np.inf:
-        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
-    problem = ContactProblem.of(indenter, length, contact.kernel, contact.variants)
-    top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
+    problem, top = without_dimensions(contact, max_depth)
+    length = problem.thickness
     solved = known_curve(problem, top, rtol)
     reason = (
         f"exact contact problem, solved for a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
@@ -235,6 +232,20 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         curve=solved.curve,
         resolution=solved.resolution,
     )
+
+
+def without_dimensions(contact: Contact, max_depth: float) -> tuple[ContactProblem, float]:
+    """The problem behind a contact, and the largest varpi for depths up to `max_depth` (m).
+
+    varpi is the half-space contact radius at the depth over the thickness; a half-space has that radius itself for
+    its thickness.
+    """
+    indenter, deepest = contact.indenter, np.array([max_depth])
+    length = contact.thickness
+    if length == np.inf:
+        length = float(indenter.halfspace_radius(deepest)[0])
+    problem = ContactProblem.of(indenter, length, contact.kernel, contact.variants)
+    return problem, float(problem.measure.halfspace_radius(deepest)[0]) / length
 
 
 def punch_width(contact: Contact) -> float:

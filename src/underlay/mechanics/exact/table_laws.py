@@ -21,7 +21,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.batch import CurveBatch
-from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, SolvedCurve, too_wide
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, SolvedCurve, too_wide
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
@@ -33,11 +33,11 @@ from underlay.mechanics.exact.curve_family import (
     range_numbers,
     ratio_number,
     ratio_numbers,
+    solved_alone,
 )
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch
 from underlay.mechanics.exact.nodes import TABLES
-from underlay.mechanics.exact.stored_curves import known_curve
 from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curves
 from underlay.mechanics.indenters import Indenter, PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
@@ -83,7 +83,7 @@ def tabulated_law(
         if family is None and body is None:
             return None
         one = family or RigidBase(body.layer.nu if body is not None else 0.0)
-        found = _alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
+        found = solved_alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
     else:
         found = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
     if found is None or found.error_estimate > rtol:
@@ -129,7 +129,7 @@ def side_by_side(
     key = ("side by side, alone", exponent, family, tuple(ratios), reach, rtol)
 
     def gathered() -> CurveBatch | None:
-        solved = [_alone(exponent, family, ratio, reach, rtol) for ratio in ratios]
+        solved = [solved_alone(exponent, family, ratio, reach, rtol) for ratio in ratios]
         known = [each for each in solved if each is not None and len(each.curve.edges) == 2]
         if len(known) < len(solved):
             return None
@@ -151,23 +151,6 @@ def side_by_side(
         return None
     curves = replace(found, measure=indenter)
     return lambda w: curves.of_one_layer(w, contact.theta, contact.thickness)
-
-
-def _alone(exponent: float, family: Family, ratio: float, reach: int, rtol: float) -> SolvedCurve | None:
-    """Curve of a power-law tip on a layer of unit thickness, cached; None beyond a/h = 20, or at a fold."""
-    key = ("alone", exponent, family, ratio, reach, rtol)
-    return TABLES.get(key, lambda: _solved_alone(exponent, family, ratio, reach, rtol))
-
-
-def _solved_alone(
-    exponent: float, family: Family, ratio: float, reach: int, rtol: float
-) -> SolvedCurve | None:
-    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, family.kernel(ratio))
-    try:
-        solved = known_curve(problem, range_end(reach), rtol)
-    except RangeError:
-        return None
-    return None if solved.curve.jumps else solved
 
 
 class _Stacked(NamedTuple):

@@ -24,13 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
-from underlay.errors import InputError, RangeError
+from underlay.errors import InputError
 from underlay.mechanics.exact.batch import CurveBatch, curves_through
 from underlay.mechanics.exact.contact_problem import (
     LARGEST_EPS,
     SHARE_OF_NODES,
     UNEVEN,
-    ContactProblem,
     contact_factors,
 )
 from underlay.mechanics.exact.curve_family import (
@@ -40,6 +39,7 @@ from underlay.mechanics.exact.curve_family import (
     range_end,
     range_number,
     ratio_span,
+    solved_alone,
 )
 from underlay.mechanics.exact.master_curve import (
     MOST_IN_POWERS,
@@ -63,8 +63,7 @@ from underlay.mechanics.exact.nodes import (
     series_terms,
 )
 from underlay.mechanics.exact.punch_solution import PunchGrid, PunchSolution, proved_resolution
-from underlay.mechanics.exact.stored_curves import known_curve
-from underlay.mechanics.indenters import Indenter, PowerLaw
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Family, Kernel, Scales
 
 # Of the share of an error that a solution's nodes may take: what either interpolation leaves out. What the nodes
@@ -449,12 +448,8 @@ def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
 
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
-    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, asked.family.kernel(1.0))
-    try:
-        curve = known_curve(problem, range_end(asked.octave), _PLACED).curve
-    except RangeError:
-        return None
-    return _Placing(curve.stretch, curve.coefficients[:1, Factor.RADIUS])
+    found = solved_alone(exponent, asked.family, 1.0, asked.octave, _PLACED)
+    return found and _Placing(found.curve.stretch, found.curve.coefficients[:1, Factor.RADIUS])
 
 
 def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: int) -> TipCurves | None:

@@ -20,7 +20,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, RadiusGuess, out_of_reach
-from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw, punch_width
+from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw, punch_width, without_dimensions
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -145,14 +145,9 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     >>> f"{law.force(1.10407546804):.5f}"  # a/h = 1: P = 7.731771 theta A a^3
     '7.73177'
     """
-    indenter = contact.indenter
-    if indenter.has_edge:
+    if contact.indenter.has_edge:
         return _punch_law(contact, max_depth, rtol)
-    length = contact.thickness
-    if length == np.inf:
-        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
-    problem = ContactProblem.of(indenter, length, contact.kernel)
-    top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
+    problem, top = without_dimensions(contact, max_depth)
     solved, last = _reaching(problem, top, rtol)
     curve, error = _curve(problem, solved, top, rtol)
     return ExactLaw(
@@ -166,7 +161,7 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
         error_estimate=solved.error + error,
         measure=problem.measure,
         theta=contact.theta,
-        thickness=length,
+        thickness=problem.thickness,
         curve=curve,
         resolution=solved.resolution,
     )
