@@ -148,12 +148,6 @@ class _LongFactor(Factor):
         w = u**3
         return np.asarray((1.0 + 1.15 * u + self.a * w + self.b * w * w) / (1.0 + 2.3 * w))
 
-    def slope(self, u: FloatArray) -> FloatArray:
-        w, w_slope = u**3, 3.0 * u * u
-        below = 1.0 + 2.3 * w
-        above_slope = 1.15 + (self.a + 2.0 * self.b * w) * w_slope
-        return np.asarray((above_slope - self.value(u) * 2.3 * w_slope) / below)
-
 
 # Where Hermanowicz's two fits meet, l = X^2 = 0.4; the thick one's factor in powers of X, and G of the thin one.
 _SWITCH = np.sqrt(0.4)
@@ -178,16 +172,6 @@ class _HermanowiczFactor(Factor):
             u < _SWITCH,
             polynomial.polyval(u, _THICK),
             0.75 * polynomial.polyval(thin, _THIN) / thin**3,
-        )
-
-    def slope(self, u: FloatArray) -> FloatArray:
-        thin = np.maximum(u, _SWITCH)
-        above = polynomial.polyval(thin, _THIN)
-        above_slope = polynomial.polyval(thin, polynomial.polyder(_THIN))
-        return np.where(
-            u < _SWITCH,
-            polynomial.polyval(u, polynomial.polyder(_THICK)),
-            0.75 * (above_slope - 3.0 * above / thin) / thin**3,
         )
 
 
@@ -217,11 +201,6 @@ class _CliffordFactor(Factor):
         weight = 2.25 * (self.scale * u) ** 1.5
         return np.asarray(1.0 + self.contrast * weight / (1.0 + weight))
 
-    def slope(self, u: FloatArray) -> FloatArray:
-        weight = 2.25 * (self.scale * u) ** 1.5
-        weight_slope = 2.25 * 1.5 * self.scale**1.5 * u**0.5
-        return np.asarray(self.contrast * weight_slope / (1.0 + weight) ** 2)
-
 
 @dataclass(frozen=True)
 class _DossFactor(Factor):
@@ -239,20 +218,8 @@ class _DossFactor(Factor):
 
     def value(self, u: FloatArray) -> FloatArray:
         q = 0.85 * u + 3.36 * u * u
-        return np.asarray((q + 1.0) / (q * self.softness ** self._exponent(u) + 1.0))
-
-    def slope(self, u: FloatArray) -> FloatArray:
-        q, q_slope = 0.85 * u + 3.36 * u * u, 0.85 + 6.72 * u
-        exponent = self._exponent(u)
-        exponent_slope = np.where(exponent < 1.0, -0.34 + 1.02 * u, 0.0)
-        power = self.softness**exponent
-        below = q * power + 1.0
-        below_slope = power * (q_slope + q * np.log(self.softness) * exponent_slope)
-        return np.asarray((q_slope - (q + 1.0) * below_slope / below) / below)
-
-    @staticmethod
-    def _exponent(u: FloatArray) -> FloatArray:
-        return np.minimum(1.0, 0.72 - 0.34 * u + 0.51 * u * u)
+        exponent = np.minimum(1.0, 0.72 - 0.34 * u + 0.51 * u * u)
+        return np.asarray((q + 1.0) / (q * self.softness**exponent + 1.0))
 
 
 # --- flat punches on a film on an elastic base -----------------------------------------------------------
