@@ -21,12 +21,12 @@ MEASURED = {
 
 @pytest.mark.parametrize("nu", MEASURED)
 def test_bonded_layers_of_any_nu(nu):
-    series, _ = Medium(nu).growth(factors._BONDED, factors._SLIDING, T)
+    series, _ = Medium(nu).growth(factors.finite_elements()["gent"], T)
     assert series == pytest.approx(MEASURED[nu], rel=6e-3)
 
 
 def test_a_sliding_layer():
-    series, _ = Medium(0.5, sliding=True).growth(factors._BONDED, factors._SLIDING, T)
+    series, _ = Medium(0.5, sliding=True).growth(factors.finite_elements()["gent"], T)
     assert series == pytest.approx([1.4399, 2.0755, 3.0749, 5.0602, 7.7013, 10.8355], rel=0.013)
 
 
@@ -35,7 +35,7 @@ def test_the_slope_of_the_series_is_its_derivative():
     for sliding in (False, True):
         medium = Medium(0.5 if sliding else 0.42, sliding)
         at = [
-            medium.growth(factors._BONDED, factors._SLIDING, T * np.exp(k * step))[0] for k in (-2, -1, 1, 2)
+            medium.growth(factors.finite_elements()["gent"], T * np.exp(k * step))[0] for k in (-2, -1, 1, 2)
         ]
         slope = (at[0] - 8.0 * at[1] + 8.0 * at[2] - at[3]) / (12.0 * step)
-        assert medium.growth(factors._BONDED, factors._SLIDING, T)[1] == pytest.approx(slope, rel=1e-9)
+        assert medium.growth(factors.finite_elements()["gent"], T)[1] == pytest.approx(slope, rel=1e-9)

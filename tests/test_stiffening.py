@@ -11,6 +11,7 @@ import underlay as ul
 from underlay.mechanics.stiffening import factors
 from underlay.mechanics.stiffening.factors import Medium, Place, crowding, form, gent, neo_hookean
 
+GENT, FORM = (factors.finite_elements()[integral]["half_space"] for integral in ("gent", "form"))
 BONDED, SLIDING = Medium(0.5), Medium(0.5, sliding=True)
 OGDEN_LAYERS = Path(__file__).parent / "studies" / "results" / "ogden_layers.csv"
 
@@ -44,7 +45,7 @@ def stiffening(medium, s, where):
 def test_the_verified_values(medium, y, s, thickness, t, printed):
     """They were printed with g1(0) = 0.0980300; the exact constant is larger by this share."""
     found = float(stiffening(medium, s, place(y, thickness, t, alpha=0.3))[0])
-    assert 1.0 + (found - 1.0) * 0.0980300 / factors._FIRST_ORDER[0] == pytest.approx(printed, abs=6e-11)
+    assert 1.0 + (found - 1.0) * 0.0980300 / GENT[0] == pytest.approx(printed, abs=6e-11)
     assert found == pytest.approx(printed, abs=3e-6 * (printed - 1.0))
 
 
@@ -92,9 +93,7 @@ def test_finite_elements_of_the_note(y, s, thickness, t, finite_elements):
 )
 def test_the_form_grows_as_the_table_says(medium, printed):
     t = np.array([0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3])
-    found = form(place(0.1 * t, 1.0, t, alpha=1.0), medium, 0.0)[1] * -factors._half_space(
-        factors._FIRST_ORDER_FORM, medium.nu
-    )
+    found = form(place(0.1 * t, 1.0, t, alpha=1.0), medium, 0.0)[1] * -factors._half_space(FORM, medium.nu)
     assert found == pytest.approx(np.array([float(word) for word in printed.split()]), rel=0.012)
 
 
@@ -181,17 +180,17 @@ def first_order(nu, count=80):
 def test_first_order_is_the_integral_over_hertz_field(nu):
     stiff, formed, energy = first_order(nu)
     assert energy == pytest.approx(1.0, abs=1e-11)
-    assert stiff == pytest.approx(factors._half_space(factors._FIRST_ORDER, nu), rel=2e-9)
-    assert formed == pytest.approx(factors._half_space(factors._FIRST_ORDER_FORM, nu), rel=2e-9)
+    assert stiff == pytest.approx(factors._half_space(GENT, nu), rel=2e-9)
+    assert formed == pytest.approx(factors._half_space(FORM, nu), rel=2e-9)
 
 
 def test_first_order_constants_of_the_note():
     assert first_order(0.5)[0] * 4.0 / 1.4 * 32.0 / 15.0 == pytest.approx(0.5975175641774, abs=1e-12)
-    assert factors._half_space(factors._FIRST_ORDER, 0.5) == pytest.approx(0.0980302, abs=5e-8)
-    assert factors._half_space(factors._FIRST_ORDER_FORM, 0.5) == pytest.approx(-0.0325379, abs=5e-8)
+    assert factors._half_space(GENT, 0.5) == pytest.approx(0.0980302, abs=5e-8)
+    assert factors._half_space(FORM, 0.5) == pytest.approx(-0.0325379, abs=5e-8)
     # By finite elements:
-    assert factors._half_space(factors._FIRST_ORDER, 0.45) == pytest.approx(0.079607, rel=1e-3)
-    assert factors._half_space(factors._FIRST_ORDER, 0.3) == pytest.approx(0.050633, rel=1e-3)
+    assert factors._half_space(GENT, 0.45) == pytest.approx(0.079607, rel=1e-3)
+    assert factors._half_space(GENT, 0.3) == pytest.approx(0.050633, rel=1e-3)
 
 
 # --- slopes, laws and limits ----------------------------------------------------------------------------------

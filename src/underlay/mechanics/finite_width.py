@@ -34,28 +34,13 @@ from underlay.errors import InputError, LawError
 from underlay.mechanics.body import SHAPES, Body, Layer, Rigid
 from underlay.mechanics.contact_law import ContactLaw, LawOnLaw, OnLaw
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.stiffening.factors import poisson_shares
+from underlay.mechanics.stiffening.factors import finite_elements, poisson_shares
 from underlay.mechanics.stiffening.law import StiffeningLaw
 
 # A square as a round of the same area; by its half-width alone forces are 6.5 % off at w/R = 0.5, W 5 to 6.5
 # R.
 _OF_BLOCK = 2.0 / float(np.sqrt(np.pi))
 
-# kappa at h/W by finite elements, nu = 1/2 (0.4995), and S and dS/d(W/h) at the far end.
-_RATIOS = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 8.0)
-_SLIDING = (0.0105, 0.0205, 0.0439, 0.0739, 0.0958, 0.1671, 0.2795, 0.5518, 0.8467, 2.085)
-_BONDED = (0.0004, 0.0028, 0.0251, 0.0534, 0.0946, 0.1848, 0.2892, 0.5396, 0.8218, 2.041)
-_FAR_SLIDING, _FAR_BONDED = (-0.497, 0.281), (-0.559, 0.430)
-# The same at nu = 0.45 and 0.3.
-_FEWER_RATIOS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-_SLIDING_BELOW = (
-    (0.0164, 0.0364, 0.0834, 0.2569, 0.821, 2.055),
-    (0.0074, 0.0192, 0.0538, 0.2077, 0.760, 1.992),
-)
-_BONDED_BELOW = (
-    (0.0016, 0.0159, 0.0770, 0.2695, 0.808, 2.028),
-    (0.0003, 0.0023, 0.0389, 0.2186, 0.758, 1.983),
-)
 _LEAST_NU = 0.3
 # Scale of q: of 0.5, 1 and 2 the last is nearest to the study's own spline (0.0012, 0.0007 and 0.0004).
 _BEND = 2.0
@@ -114,16 +99,19 @@ def kappa(ratio: FloatArray, nu: PerSet, *, sliding: bool = False) -> FloatArray
 @cache
 def _splines(sliding: bool) -> tuple[interpolate.CubicSpline, ...]:
     """Splines in q (module's head) of S at nu = 1/2, and of its decrease at nu = 0.45 and at 0.3."""
-    values, (end, falling) = (_SLIDING, _FAR_SLIDING) if sliding else (_BONDED, _FAR_BONDED)
-    ratio = np.array(_RATIOS)
+    table = finite_elements()["finite_width"]
+    known = table["sliding" if sliding else "bonded"]
+    ratio, (end, falling) = np.array(table["ratios"]), known["far_end"]
     # At the far end 1/t is (1 - q)/(q bend): dS/dq = -falling/bend. Where a bonded layer is flat its sides
     # are not seen: kappa begins with slope zero.
     start = None if sliding else -_BEND / np.pi
-    own = _spline(ratio / (ratio + _BEND), np.array(values) - ratio / np.pi, end, start, -falling / _BEND)
-    fewer = np.array(_FEWER_RATIOS)
+    own = _spline(
+        ratio / (ratio + _BEND), np.array(known["kappa"]) - ratio / np.pi, end, start, -falling / _BEND
+    )
+    fewer = np.array(table["fewer_ratios"])
     q = fewer / (fewer + _BEND)
     below = []
-    for row in _SLIDING_BELOW if sliding else _BONDED_BELOW:
+    for row in known["below"]:
         less = fewer / np.pi + own(q) - np.array(row)
         # Straight in W/h from h/W = 4 and 8 to the far end.
         below.append(_spline(q, less, 2.0 * less[-1] - less[-2], None if sliding else 0.0, None))

@@ -41,41 +41,20 @@ the largest force on a half-space, 4e-4 and 0.8 % at h = 2 R, where the force ri
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from importlib.resources import files
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import interpolate, special
 
 from underlay._arrays import FloatArray, PerSet
+from underlay._door import parse_toml
 from underlay.errors import RangeError
 
-# Half-space, any nu, k = 1 - 2 nu: strains are linear in k, so that the integrals of I^2 and tr e'^3 over the
-# energy are these polynomials over (1 + k)^3 and (1 + k)^2. The coefficients are integrals of the closed
-# field of Hertz, to ten digits (tests/test_stiffening.py integrates them again).
-_FIRST_ORDER = (0.0980302254, 0.0715008243, 0.0687608772, 0.0120072536, 0.0185229599)
-_FIRST_ORDER_FORM = (-0.0325378819, -0.0108459606, -0.0120847564, -0.0000067378)
-# Growth of both with t = a/h over the half-space, 1 + sum c_i t^i, t <= 1.3: fits to linear finite elements,
-# within 0.13 % (nu 0.5 and 0.45), 0.28 % (nu 0.3) and 0.33 % (sliding); of the form's, to the table of
-# section 2, within 1.1 %. Rows: nu 0.5, 0.45, 0.3.
-_BONDED = np.array(
-    [
-        [1.8504, 8.1314, -5.1313, 2.4472],
-        [1.6867, 7.1447, -4.1429, 1.2523],
-        [1.4299, 5.2569, -1.1181, 0.0],
-    ]
-)
-_BONDED_FORM = np.array(
-    [
-        [1.6101, 0.3518, -1.1773, 0.5521],
-        [1.4731, 0.6113, -1.5088, 0.6299],
-        [1.1249, 1.5822, -2.0614, 0.7336],
-    ]
-)
-_SLIDING = np.array([[1.3591, 2.8196, 7.0595, -3.1129]])
-_SLIDING_FORM = np.array([[0.9313, 1.9989, -2.0055, 0.6654]])
-# Poisson's ratios of the rows above, and of those of `finite_width`.
+# Poisson's ratios of the rows of ``finite_elements.toml``.
 _ROWS = (0.5, 0.45, 0.3)
 # Beyond first order: of x, y and z in the numerator, of x under the root, power of 1 - X (bonded, sliding).
 _BY_X, _BY_Y, _BY_Z, _ROOT = 0.226, 0.8936, 0.5298, 0.1207
@@ -83,11 +62,7 @@ _LOCKING_POWER, _LOCKING_POWER_SLIDING = 0.774, 0.47
 # Share of an incompressible layer's locking that is left, 1/(1 + 1.78 sqrt(1 - 2 nu)): from h = 2 R at nu 0.45
 # and 0.3 alone.
 _LOOSER = 1.78
-# ln N by alpha, alpha^2 and z^2 at nu = 1/2: bonded 44 points, 0.86 % at worst, 0.32 rms; sliding 20, 0.59, 0.22.
-_INCOMPRESSIBLE, _INCOMPRESSIBLE_SLIDING = (-0.0301, -0.0860, 0.2198), (-0.0337, -0.0832, 0.1731)
-# ln N of the 56 points at nu 0.3 to 0.499 of the study behind `discrepancy`, and by alpha b and z b.
-_COMPRESSIBLE, _BY_COMPRESSIBILITY = (-0.063, 0.0, 0.168), (0.239, 0.53)
-# b = (1 - 2 nu)/(1 - nu) of nu = 0.3, from which on that fit stands alone.
+# b = (1 - 2 nu)/(1 - nu) of nu = 0.3, from which on the fit to compressible layers stands alone.
 _COMPRESSIBILITY = 4.0 / 7.0
 # p, q and r of b(c) = p c^2/(1 + q c + r c^2): below the finite elements of 35 points of half-spaces (section 2)
 # and 64 of layers (tests/studies/results/ogden_layers.csv), L up to 0.83: 1/Jm gives more and never less.
@@ -96,6 +71,13 @@ _SECOND_FORM = (2.5, 1.125, 2.0)
 FORM_SPREAD = 0.3
 # Relative standard errors of G - 1, and of N at nu = 1/2 and at 0.3 (the two fits' rms).
 _ERROR_OF_STIFFENING, _ERROR_OF_NEO_HOOKEAN = 0.03, (0.004, 0.007)
+
+
+@cache
+def finite_elements() -> Mapping[str, Any]:
+    """Results of finite elements and fits to them, from ``finite_elements.toml``, which says what they are."""
+    text = files("underlay.mechanics").joinpath("finite_elements.toml").read_text(encoding="utf-8")
+    return parse_toml(text)
 
 
 @dataclass(frozen=True)
@@ -123,17 +105,21 @@ class Medium:
         """Factor 1/(1 + 1.78 sqrt(1 - 2 nu)) on the locking measure X (`crowding`) of an incompressible layer."""
         return 1.0 / (1.0 + _LOOSER * np.sqrt(1.0 - 2.0 * self.nu))
 
-    def growth(self, bonded: FloatArray, sliding: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    @property
+    def bond(self) -> str:
+        """``"sliding"`` or ``"bonded"``."""
+        return "sliding" if self.sliding else "bonded"
+
+    def growth(self, integral: Mapping[str, Any], t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Growth over the half-space of a first-order integral with t = a/h, contact radius over thickness.
 
-        `bonded` and `sliding` are tables of the coefficients c_i of 1 + sum c_i t^i, one row for each tabulated nu.
+        `integral` has the coefficients c_i of 1 + sum c_i t^i by the layer's bond, one row for each tabulated nu.
         Returns the series and t times its derivative, each in the shape of `t`.
         """
         shares = [1.0] if self.sliding else poisson_shares(self.nu)
-        table = sliding if self.sliding else bonded
         series: PerSet = 0.0
         slope: PerSet = 0.0
-        for column in reversed(table.T.tolist()):
+        for column in reversed(list(zip(*integral[self.bond], strict=True))):
             coefficient = sum(share * row for share, row in zip(shares, column, strict=True))
             series, slope = (series + coefficient) * t, slope * t + series
         # Horner's scheme: S_i = (S_(i+1) + c_i) t and t S_i' = S_i + t (t S_(i+1)').
@@ -212,11 +198,12 @@ def neo_hookean(place: Place, medium: Medium) -> LogFactor:
     within 2.0 % (rms 0.57 %, 32 points).
     """
     share = 1.0 - medium.compressibility / _COMPRESSIBILITY
-    soft = _INCOMPRESSIBLE_SLIDING if medium.sliding else _INCOMPRESSIBLE
+    fits = finite_elements()["neo_hookean"]
     first, second, squashed = (
-        share * one + (1.0 - share) * other for one, other in zip(soft, _COMPRESSIBLE, strict=True)
+        share * one + (1.0 - share) * other
+        for one, other in zip(fits[medium.bond], fits["compressible"], strict=True)
     )
-    by_alpha, by_z = (medium.compressibility * number for number in _BY_COMPRESSIBILITY)
+    by_alpha, by_z = (medium.compressibility * number for number in fits["by_compressibility"])
     linear = (first + by_alpha) * place.alpha
     bent, deep = second * place.alpha**2, squashed * place.z**2
     return LogFactor(
@@ -260,10 +247,11 @@ def gent(place: Place, medium: Medium, inverse_limit: PerSet) -> tuple[LogFactor
             f"X = {float(locked.max()):.4g}, and less than 1 is needed"
         )
     power = _LOCKING_POWER_SLIDING if medium.sliding else _LOCKING_POWER
-    series, rising = medium.growth(_BONDED, _SLIDING, place.t)
+    integral = finite_elements()["gent"]
+    series, rising = medium.growth(integral, place.t)
     bracket = 1.0 + _BY_X * x + _BY_Y * y + _BY_Z * z
     rounded = 1.0 + _ROOT * x
-    first = _half_space(_FIRST_ORDER, medium.nu) * series * y
+    first = _half_space(integral["half_space"], medium.nu) * series * y
     per_s = first * bracket / rounded**1.5 / (1.0 - locked) ** power
     value = 1.0 + s * per_s
     spread = 2.0 / (1.0 - z) ** 2 - 2.0 * (1.0 - z)  # d/dz of what X is made of
@@ -288,7 +276,7 @@ def form(place: Place, medium: Medium, size: PerSet) -> tuple[LogFactor, FloatAr
     size : float or FloatArray
         Size c of the difference of form, of either sign; zero is Gent's. One for all parameter sets, or (sets, 1).
     """
-    series, rising = medium.growth(_BONDED_FORM, _SLIDING_FORM, place.t)
+    series, rising = medium.growth(finite_elements()["form"], place.t)
     L = place.alpha * series
     p, q, r = _SECOND_FORM
     rounded = 1.0 + (q + r * size) * size
@@ -300,7 +288,7 @@ def form(place: Place, medium: Medium, size: PerSet) -> tuple[LogFactor, FloatAr
 
 def ogden_size(exponent: float, nu: float) -> float:
     """Size c of `form` that gives Ogden's energy of this exponent (2 is neo-Hookean), to first order."""
-    return float(_half_space(_FIRST_ORDER_FORM, nu)) * (exponent - 2.0)
+    return float(_half_space(finite_elements()["form"]["half_space"], nu)) * (exponent - 2.0)
 
 
 def known_errors(stiffening: LogFactor, medium: Medium) -> tuple[FloatArray, PerSet]:
@@ -314,7 +302,7 @@ def known_errors(stiffening: LogFactor, medium: Medium) -> tuple[FloatArray, Per
     return np.asarray(own), incompressible + share * (compressible - incompressible)
 
 
-def _half_space(polynomial: tuple[float, ...], nu: PerSet) -> PerSet:
+def _half_space(polynomial: Sequence[float], nu: PerSet) -> PerSet:
     """First-order integral of a half-space: the polynomial in k = 1 - 2 nu over (1 + k)^(its degree - 1)."""
     k = 1.0 - 2.0 * nu
     total: PerSet = 0.0
