@@ -449,7 +449,9 @@ def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
     found = solved_alone(exponent, asked.family, 1.0, asked.octave, _PLACED)
-    return found and _Placing(found.curve.stretch, found.curve.coefficients[:1, Factor.RADIUS])
+    if found is None:
+        return None
+    return _Placing(found.curve.stretch, found.curve.coefficients[:1, Factor.RADIUS])
 
 
 def _contracted(asked: TipContacts, eps: FloatArray, stretch: Stretch, number: int) -> TipCurves | None:

@@ -101,7 +101,7 @@ _SUMS = read_only(_sums())
 _UNIT_MATRIX = read_only(np.eye(5))
 
 
-def passage(of: Sequence[FloatArray]) -> FloatArray:
+def passage(of: FloatArray) -> FloatArray:
     """The matrices that E_0 to E_4 multiply: 1, A, A^2 and the two products of the module's head.
 
     Minors: 1, -C12, det C, C11, C22 times a common factor, C the surface compliance (radial, axial).
@@ -110,7 +110,7 @@ def passage(of: Sequence[FloatArray]) -> FloatArray:
 
     Parameters
     ----------
-    of : sequence of seven arrays (...)
+    of : ndarray (7, ...)
         q, c, g, S, p, p - q and sigma of the layers (`PlaneConstants`).
 
     Returns

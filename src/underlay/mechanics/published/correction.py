@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from operator import attrgetter
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -247,7 +247,8 @@ class Factor(ABC):
 
         Squire and Trapp (1998), SIAM Review 40, 110: no difference is taken.
         """
-        return np.asarray(np.imag(self.value(u + 1j * _TINY)) / _TINY)
+        beside: Any = u + 1j * _TINY
+        return np.asarray(np.imag(self.value(beside)) / _TINY)
 
 
 @dataclass(frozen=True)
