@@ -25,11 +25,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_problem import (
-    LARGEST_EPS,
-    contact_factors,
-    weights_over_depth,
-)
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, contact_factors, weights_over_depth
 from underlay.mechanics.exact.master_curve import (
     Factor,
     Stretch,

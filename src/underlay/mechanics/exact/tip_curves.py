@@ -26,12 +26,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
 from underlay.mechanics.exact.batch import CurveBatch, curves_through
-from underlay.mechanics.exact.contact_problem import (
-    LARGEST_EPS,
-    SHARE_OF_NODES,
-    UNEVEN,
-    contact_factors,
-)
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, SHARE_OF_NODES, UNEVEN, contact_factors
 from underlay.mechanics.exact.curve_family import (
     Cell,
     curve_family,
