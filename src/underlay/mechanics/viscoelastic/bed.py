@@ -7,6 +7,7 @@ depth under a given force: creep, and recovery after a single maximum of the for
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -56,8 +57,9 @@ class Bed:
         """Compute the springs' forces for depths (m), (n,), negative before contact, at `time` (s), (n,)."""
         pieces, clock, path = _refined(time, depth)
         springs = np.linspace(0.0, float(path.max()), _SPRINGS + 1)
-        forces = _stepped(path, modes, clock, springs)[::pieces]
-        return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
+        given = path.tolist()
+        steps = itertools.islice(_stepped(modes, clock, springs, lambda n, *_: given[n]), 0, None, pieces)
+        return cls(springs, np.diff([force for _, force in steps], axis=1) / np.diff(springs))
 
     def __call__(self, elastic: Elastic) -> FloatArray:
         """Force (N), (n,), for an elastic force (N) as a function of depth (m)."""
@@ -84,24 +86,12 @@ def depth_under(
     pieces, clock, load = _refined(time, force)
     springs = np.linspace(0.0, deepest, _SPRINGS + 1)[:-1]
     slopes = np.diff(elastic(np.append(springs, deepest))) * (len(springs) / deepest)
-    stiffness = np.diff(slopes, prepend=0.0)
-    steps = np.diff(clock) / modes.times[:, None]
-    decay, share = np.exp(-steps), modes.weights[:, None] * even(steps)
-    at_once = modes.constant + float(modes.weights.sum())
-    w = _pressed(stiffness, -at_once * springs, at_once, float(load[0]), deepest)
-    compression = np.maximum(w - springs, 0.0)
-    parts, depths = modes.weights[:, None] * compression, np.empty(len(load))
-    depths[0] = w
-    for n, target in enumerate(load[1:].tolist()):
-        parts = parts * decay[:, n, None]
-        rate = modes.constant + float(share[:, n].sum())
-        standing = modes.constant * compression + parts.sum(axis=0)
-        w = _pressed(stiffness, standing - rate * (springs + compression), rate, target, deepest)
-        change = np.maximum(w - springs - compression, -standing / rate)
-        compression = compression + change
-        parts += share[:, n, None] * change
-        depths[n + 1] = w
-    return depths[::pieces]
+    stiffness, given = np.diff(slopes, prepend=0.0), load.tolist()
+
+    def under(n: int, compression: FloatArray, standing: FloatArray, rate: float) -> float:
+        return _pressed(stiffness, standing - rate * (springs + compression), rate, given[n], deepest)
+
+    return np.array([depth for depth, _ in _stepped(modes, clock, springs, under)])[::pieces]
 
 
 def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: float, w: float) -> float:
@@ -121,26 +111,30 @@ def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: flo
     return w
 
 
-def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatArray) -> FloatArray:
-    """Force Q per unit modulus (m) of every spring at every step, (n, springs)."""
-    memory = Memory.of(modes, clock)
-    shape = (len(modes.times), len(path) - 1)
-    decay = np.broadcast_to(memory.clock.decay, shape)
-    even = np.broadcast_to(modes.weights[:, None] * memory.clock.even, shape)
-    compression = np.maximum(path[0] - springs, 0.0)
-    parts = modes.weights[:, None] * compression
-    forces = np.empty((len(path), len(springs)))
-    forces[0] = modes.constant * compression + parts.sum(axis=0)
-    for n, w in enumerate(path[1:]):
+def _stepped(
+    modes: Modes, clock: FloatArray, springs: FloatArray, depth: Callable[..., float]
+) -> Iterator[tuple[float, FloatArray]]:
+    """Iterate over depth (m) and force Q per unit modulus (m) of every spring, (springs,), at every step.
+
+    `depth` gives the depth from the number of the step, the springs' compression before it, what they bear without
+    a further one, and how fast that grows with it.
+    """
+    steps = Memory.of(modes, clock).clock
+    shape = (len(modes.times), len(clock) - 1)
+    # The first step is sudden: nothing of it is lost.
+    decay = np.hstack((np.ones((shape[0], 1)), np.broadcast_to(steps.decay, shape)))
+    share = modes.weights[:, None] * np.hstack((np.ones((shape[0], 1)), np.broadcast_to(steps.even, shape)))
+    compression, parts = np.zeros(len(springs)), np.zeros((shape[0], len(springs)))
+    for n in range(len(clock)):
         parts = parts * decay[:, n, None]
-        rate = modes.constant + even[:, n].sum()
+        rate = modes.constant + float(share[:, n].sum())
         standing = modes.constant * compression + parts.sum(axis=0)
+        w = depth(n, compression, standing, rate)
         # In contact it follows the tip; where that would pull, it goes where it carries nothing.
         change = np.maximum(w - springs - compression, -standing / rate)
         compression = compression + change
-        parts += even[:, n, None] * change
-        forces[n + 1] = np.maximum(standing + rate * change, 0.0)
-    return forces
+        parts += share[:, n, None] * change
+        yield w, np.maximum(standing + rate * change, 0.0)
 
 
 @dataclass(frozen=True)
