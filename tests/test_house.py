@@ -235,6 +235,7 @@ DOORS = {
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/published/law": {"read_text"},  # of the package itself
+    "mechanics/stiffening/factors": {"read_text"},  # a file of the package itself
     "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "mechanics/biphasic/tables": {"np.load"},  # of the package itself
     "cli/start": {"read_text"},  # of the package itself
@@ -272,7 +273,7 @@ KEPT_FOR_THE_PROCESS = {
     "inference/uncertainty/hypotheses": {"_choices"},
     "mechanics/finite_width": {"_splines"},
     "mechanics/published/law": {"published_corrections"},
-    "mechanics/stiffening/factors": {"_near"},
+    "mechanics/stiffening/factors": {"_near", "finite_elements"},
     "mechanics/biphasic/tables": {"shipped_punch", "shipped_tip"},
     "plugins": {"plugins"},
     # What the letters of a name of a column say: a bounded number, which every file of a kind asks for again.
