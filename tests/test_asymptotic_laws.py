@@ -17,6 +17,7 @@ from support.series import blunt_curve
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.asymptotic.law import kernel_moments
 from underlay.mechanics.halfspace import HalfspaceLaw
+from underlay.scene.accuracy_cost import explicit_formula
 
 # --- range ----------------------------------------------------------------------------------------------
 
@@ -368,14 +369,8 @@ def test_a_thicker_layer_on_a_rigid_base_is_softer(nu, fraction):
 def test_the_explicit_law_costs_about_the_bare_formula():
     layer, substrate = PAIRS["rigid nu=.5"]
     law = asymptotic_law(PARABOLOID, layer, substrate, 0.1)
-    C = blunt.force_coefficients(2.0, *kernel_moments(ul.Contact.of(PARABOLOID, layer, substrate))[:2])
+    explicit_force = explicit_formula(ul.Scene(PARABOLOID, layer, substrate))
     depth = np.linspace(1e-4, 0.1, 1000)
-
-    def explicit_force(depth):
-        root = (depth / PARABOLOID.abel_coefficient) ** 0.5
-        factor = 1.0 + root * (C[0] + root * (C[1] + root * (C[2] + root * C[3])))
-        return 8.0 / 3.0 * layer.material.theta * depth * root * factor
-
     assert np.allclose(law.force(depth), explicit_force(depth), rtol=1e-13)
 
     def seconds(function):

@@ -24,11 +24,6 @@ TIPS = {
 THICKNESS = 3e-4
 
 
-def holding(exponent, family, ratio, varpi, rtol):
-    """The cell whose ranges hold the ratio and the largest varpi."""
-    return Cell(exponent, family, ratio_number(ratio), range_number(varpi), rtol)
-
-
 def pair(tip, ratio, varpi, rtol, *, layer_nu=0.45, base_nu=0.3, reference_rtol=1e-10):
     """The law from a table and the exact law of the same scene, solved for itself."""
     layer, base = (
@@ -78,7 +73,7 @@ def test_a_wide_cell_comes_in_pieces_and_keeps_its_promise():
 
 
 def test_neighbouring_cells_agree_on_their_common_edge():
-    cell = holding(2.0, IsotropicPair(0.45, 0.3), ratio=3.0, varpi=1.0, rtol=1e-6)
+    cell = Cell(2.0, IsotropicPair(0.45, 0.3), ratio_number(3.0), range_number(1.0), 1e-6)
     varpi = np.linspace(0.0, cell.top, 30)
     edge = cell.log_ratios[1]
     here, there = (curve_family(c).curve(edge) for c in (cell, cell._replace(ratio=cell.ratio + 1)))
@@ -89,7 +84,7 @@ def test_neighbouring_cells_agree_on_their_common_edge():
 def test_every_ratio_and_range_has_a_cell_that_holds_it():
     rng = np.random.default_rng(0)
     for ratio, varpi in zip(10.0 ** rng.uniform(-8, 8, 500), 10.0 ** rng.uniform(-6, 1, 500), strict=True):
-        cell = holding(2.0, IsotropicPair(0.5, 0.5), ratio, varpi, 1e-4)
+        cell = Cell(2.0, IsotropicPair(0.5, 0.5), ratio_number(ratio), range_number(varpi), 1e-4)
         low, high = cell.log_ratios
         assert low <= np.log(ratio) <= high
         assert varpi <= cell.top
@@ -97,13 +92,15 @@ def test_every_ratio_and_range_has_a_cell_that_holds_it():
 
 
 def test_another_cell_s_ratio_is_refused():
-    family = curve_family(holding(2.0, IsotropicPair(0.45, 0.3), ratio=3.0, varpi=1.0, rtol=1e-4))
+    family = curve_family(Cell(2.0, IsotropicPair(0.45, 0.3), ratio_number(3.0), range_number(1.0), 1e-4))
     with pytest.raises(ul.RangeError, match="ask the cell that holds them"):
         family.curve(np.log(300.0))
 
 
 def test_where_the_contact_is_too_wide_there_is_no_table():
-    assert curve_family(holding(2.0, IsotropicPair(0.5, 0.3), 1e3, varpi=18.0, rtol=1e-4)) is None
+    assert (
+        curve_family(Cell(2.0, IsotropicPair(0.5, 0.3), ratio_number(1e3), range_number(18.0), 1e-4)) is None
+    )
     contact = ul.Contact.of(TIPS["paraboloid"], ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
     too_deep = float(contact.indenter.abel(np.array(18e-3)))
     assert tabulated_law(contact, None, np.inf, too_deep, 1e-4) is None

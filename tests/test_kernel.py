@@ -57,6 +57,18 @@ def L(layer, base, u=U):
     return 1.0 - ul.SubstrateKernel(layer, base).one_minus_L(u)
 
 
+def at_each(function, u):
+    """A function of one wavenumber at all of u, in fifty digits."""
+    with mp.workdps(50):
+        return np.array([float(function(mp.mpf(x))) for x in u])
+
+
+def transferred(layer, base, u):
+    """L by transfer matrices in many digits."""
+    reference = TransferMatrixKernel(layer, base)
+    return np.array([float(reference.L(x)) for x in u])
+
+
 # --- laws ---------------------------------------------------------------------------------------------------
 
 
@@ -158,9 +170,7 @@ def test_both_sides_of_the_small_u_switch_hold(layer, ratio):
     switch = 3.0 / max(constants.sigma, 2.0 * constants.p**0.5)
     u = switch * np.array([1.0 - 1e-12, 1.0 + 1e-12])
     base = ul.Isotropic(2.0 * ratio * layer.theta, 0.3)
-    reference = TransferMatrixKernel(layer, base)
-    exact = [float(reference.L(x)) for x in u]
-    np.testing.assert_allclose(L(layer, base, u), exact, rtol=1e-14)
+    np.testing.assert_allclose(L(layer, base, u), transferred(layer, base, u), rtol=1e-14)
 
 
 @pytest.mark.parametrize("roundings", [-40, -6, -3, 3, 6, 40])
@@ -169,8 +179,7 @@ def test_both_sides_of_the_equal_roots_switch_hold(roundings):
     layer = ul.TransverselyIsotropic(1.0, 1.0, 0.3, 0.3, (1.0 + roundings * EPS) / 2.6)
     u = np.geomspace(0.01, 20.0, 8)
     for base, tolerance in ((ul.RIGID, 2e-15), (ul.Isotropic(1e-4, 0.3), 1e-14)):
-        reference = TransferMatrixKernel(layer, base)
-        exact = np.array([float(reference.L(x)) for x in u])
+        exact = transferred(layer, base, u)
         np.testing.assert_allclose(L(layer, base, u), exact, rtol=tolerance, atol=tolerance)
 
 
@@ -178,8 +187,7 @@ def test_both_sides_of_the_equal_roots_switch_hold(roundings):
 def test_both_sides_of_the_soft_switch_hold(ratio):
     layer, base = ul.Isotropic(1.0, 0.5), ul.Isotropic(ratio, 0.5)
     u = np.geomspace(1e-6, 1.49, 10)
-    reference = TransferMatrixKernel(layer, base)
-    np.testing.assert_allclose(L(layer, base, u), [float(reference.L(x)) for x in u], rtol=1e-14)
+    np.testing.assert_allclose(L(layer, base, u), transferred(layer, base, u), rtol=1e-14)
 
 
 # --- batches ------------------------------------------------------------------------------------------------
@@ -220,23 +228,30 @@ def test_a_batch_is_its_members(layers, on):
         np.testing.assert_allclose(1.0 - row, 1.0 - alone, rtol=3e-14, atol=3e-15)
 
 
+def assert_rule_keeps(constants, eps_max, rtol, allowed, pairs=((0.0, 0.0), (1.0, 1.0), (1.0, 0.5))):
+    """The rule for `rtol` gives int (1 - L) cos cos du, s and t shares of eps_max, to `allowed` of int |1 - L|."""
+    u, weights = u_rule(*constants, eps_max, rtol)
+    assert np.all(np.diff(u) > 0.0)
+    got, exact = (
+        LayerKernel(*constants).values(u) * weights,
+        LayerKernel(*constants).values(FINE) * FINE_WEIGHTS,
+    )
+    errors = [
+        got @ (np.cos(s * u) * np.cos(t * u)) - exact @ (np.cos(s * FINE) * np.cos(t * FINE))
+        for s, t in eps_max * np.array(pairs)
+    ]
+    assert (np.abs(errors) <= allowed * np.abs(exact).sum(axis=-1)).all()
+
+
 def test_one_rule_serves_every_member_of_a_batch():
     layers = batch([ul.Isotropic(1.0, 0.5), ZINC, CARTILAGE])
     bases_ = batch([ul.Isotropic(1e-5, 0.3), ul.Isotropic(6e12, 0.2), ul.Isotropic(1e5, 0.5)])
-    u, weights = u_rule(layers, bases_, 2.0, 1e-6)
-    for s, t in ((0.0, 0.0), (2.0, 2.0), (2.0, 0.7)):
-        got = LayerKernel(layers, bases_).values(u) * np.cos(s * u) * np.cos(t * u) @ weights
-        values = LayerKernel(layers, bases_).values(FINE)
-        exact = values * np.cos(s * FINE) * np.cos(t * FINE) @ FINE_WEIGHTS
-        size = np.abs(values) @ FINE_WEIGHTS
-        assert np.all(np.abs(got - exact) <= 1e-6 * size)
+    assert_rule_keeps((layers, bases_), 2.0, 1e-6, 1e-6, ((0.0, 0.0), (1.0, 1.0), (1.0, 0.35)))
 
 
 def test_a_batch_gives_the_coefficients_of_its_members():
-    layers, bases_ = (
-        [ul.Isotropic(1.0, 0.5), ul.Isotropic(2.0, 0.3)],
-        [ul.Isotropic(0.01, 0.3), ul.Isotropic(40.0, 0.2)],
-    )
+    layers = [ul.Isotropic(1.0, 0.5), ul.Isotropic(2.0, 0.3)]
+    bases_ = [ul.Isotropic(0.01, 0.3), ul.Isotropic(40.0, 0.2)]
     together = LayerKernel(batch(layers), batch(bases_)).moments(3)
     for row, layer, base in zip(together, layers, bases_, strict=True):
         np.testing.assert_allclose(row, ul.SubstrateKernel(layer, base).coefficients(3), rtol=1e-13)
@@ -277,29 +292,16 @@ PAIRS = [
 @pytest.mark.parametrize("eps_max", [0.0, 1.0, 4.0])
 def test_the_rule_keeps_the_tolerance_asked(layer, base, eps_max):
     constants = layer.plane_constants, None if base is ul.RIGID else base.plane_constants
-    exact = LayerKernel(*constants).values(FINE) * FINE_WEIGHTS
-    size = np.abs(exact).sum()
     for rtol in (1e-3, 1e-6, 1e-10, 1e-13):
-        u, weights = u_rule(*constants, eps_max, rtol)
-        assert np.all(np.diff(u) > 0.0)
-        values = LayerKernel(*constants).values(u) * weights
-        for s, t in eps_max * np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.5], [0.3, 0.0]]):
-            error = abs(
-                values @ (np.cos(s * u) * np.cos(t * u)) - exact @ (np.cos(s * FINE) * np.cos(t * FINE))
-            )
-            assert error <= rtol * size
+        pairs = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.5), (0.3, 0.0))
+        assert_rule_keeps(constants, eps_max, rtol, rtol, pairs)
 
 
 @given(materials, bases, st.sampled_from([0.0, 0.5, 2.0]), st.sampled_from([1e-3, 1e-6, 1e-9]))
 def test_the_rule_keeps_the_tolerance_for_any_pair(layer, base, eps_max, rtol):
     # What u_rule promises: within a factor 2 where complex roots or a shear-weak base bring poles close.
     constants = layer.plane_constants, None if base is ul.RIGID else base.plane_constants
-    exact = LayerKernel(*constants).values(FINE) * FINE_WEIGHTS
-    u, weights = u_rule(*constants, eps_max, rtol)
-    values = LayerKernel(*constants).values(u) * weights
-    for s, t in eps_max * np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.5]]):
-        error = abs(values @ (np.cos(s * u) * np.cos(t * u)) - exact @ (np.cos(s * FINE) * np.cos(t * FINE)))
-        assert error <= 2.0 * rtol * np.abs(exact).sum()
+    assert_rule_keeps(constants, eps_max, rtol, 2.0 * rtol)
 
 
 @pytest.mark.parametrize(("rtol", "least", "most"), [(1e-3, 12, 40), (1e-6, 20, 80), (1e-10, 40, 140)])
@@ -374,7 +376,7 @@ def test_the_appendix_holds_with_a_21_negative(layer, base):
     u = np.array([1e-3, 0.1, 0.5, 2.0, 8.0])
     with mp.workdps(50):
         one, two = appendix_constants(layer), appendix_constants(base)
-        exact = [float(appendix.kernel_L(mp.mpf(x), one, two)) for x in u]
+    exact = at_each(lambda x: appendix.kernel_L(x, one, two), u)
     np.testing.assert_allclose(L(layer, base, u), exact, rtol=1e-13, atol=1e-14)
 
 
@@ -397,15 +399,14 @@ def test_the_isotropic_form_of_the_appendix(nu_1, ratio, nu_2):
     u = np.geomspace(1e-6, 30.0, 25)
     with mp.workdps(50):
         given_ratio = 0 if base is ul.RIGID else 1 / mp.mpf(base.E)
-        exact = [float(appendix.isotropic_L(x, given_ratio, nu_1, nu_2)) for x in u]
+    exact = at_each(lambda x: appendix.isotropic_L(x, given_ratio, nu_1, nu_2), u)
     np.testing.assert_allclose(L(layer, base, u), exact, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize("nu", [0.5, 0.3, 0.0, -0.9])
 def test_the_rigid_isotropic_form(nu):
     u = np.geomspace(1e-6, 30.0, 25)
-    with mp.workdps(50):
-        exact = [float(appendix.rigid_isotropic_L(x, nu)) for x in u]
+    exact = at_each(lambda x: appendix.rigid_isotropic_L(x, nu), u)
     np.testing.assert_allclose(L(ul.Isotropic(7.0, nu), ul.RIGID, u), exact, rtol=0.0, atol=1e-14)
 
 

@@ -24,41 +24,30 @@ __all__ = ["fifty_digits"]  # used by pytest
 def inverse_coefficients(lam, a_0, a_1):
     """D_1..D_4 of (8.2): varpi = P~ (1 + D_1 P~ + ... + D_4 P~^4), the inverse of (8.1)."""
     b, c = blunt.kernel_terms(a_0, a_1)
-    one = lam + 1.0
-    beta, gamma = b / one, (lam + 2.0) / (one * (lam + 3.0)) * c
-    return (
-        -beta,
-        (1.0 - lam) / 2.0 * beta**2,
-        -(1.0 - lam) * (1.0 - 2.0 * lam) / 6.0 * beta**3 - gamma,
-        (1.0 - lam) * (1.0 - 2.0 * lam) * (1.0 - 3.0 * lam) / 24.0 * beta**4 + (1.0 - lam) * beta * gamma,
-    )
+    beta, gamma = b / (lam + 1), (lam + 2) / ((lam + 1) * (lam + 3)) * c
+    one, two, three = 1 - lam, 1 - 2 * lam, 1 - 3 * lam
+    fourth = one * two * three / 24 * beta**4 + one * beta * gamma
+    return -beta, one / 2 * beta**2, -one * two / 6 * beta**3 - gamma, fourth
 
 
 def scaled_contact_coefficients(lam, a_0, a_1):
     """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7)."""
     b, c = blunt.kernel_terms(a_0, a_1)
-    one, three = lam + 1.0, lam + 3.0
-    return (
-        -b / one,
-        -(lam - 1.0) / (2.0 * one**2) * b**2,
-        -(lam - 1.0) * (2.0 * lam - 1.0) / (6.0 * one**3) * b**3 - (2.0 * lam + 5.0) / (one * three) * c,
-        -(lam - 1.0) * (2.0 * lam - 1.0) * (3.0 * lam - 1.0) / (24.0 * one**4) * b**4
-        - (lam**2 - lam - 8.0) / (one**2 * three) * b * c,
-    )
+    beta, three = b / (lam + 1), lam + 3
+    one, two, far = lam - 1, 2 * lam - 1, 3 * lam - 1
+    third = -one * two / 6 * beta**3 - (2 * lam + 5) / ((lam + 1) * three) * c
+    fourth = -one * two * far / 24 * beta**4 - (lam**2 - lam - 8) / ((lam + 1) * three) * beta * c
+    return -beta, -one / 2 * beta**2, third, fourth
 
 
 def kappa_coefficients(lam, a_0, a_1):
     """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's."""
     b, c = blunt.kernel_terms(a_0, a_1)
-    one, three = lam + 1.0, lam + 3.0
-    two = 2.0 * lam + 1.0
-    return (
-        b,
-        two / (2.0 * one) * b**2,
-        two * (3.0 * lam + 1.0) / (6.0 * one**2) * b**3 + (lam + 2.0) / three * c,
-        two * (3.0 * lam + 1.0) * (4.0 * lam + 1.0) / (24.0 * one**3) * b**4
-        + (2.0 * lam**2 + 4.0 * lam - 1.0) / (one * three) * b * c,
-    )
+    one, two, far = lam + 1, 2 * lam + 1, 3 * lam + 1
+    third = two * far / (6 * one**2) * b**3 + (lam + 2) / (lam + 3) * c
+    fourth = two * far * (4 * lam + 1) / (24 * one**3) * b**4
+    fourth += (2 * lam**2 + 4 * lam - 1) / (one * (lam + 3)) * b * c
+    return b, two / (2 * one) * b**2, third, fourth
 
 
 def kappa_residual(lam, moments, K):

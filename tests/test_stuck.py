@@ -15,7 +15,7 @@ from support.stuck_references import REFERENCES, WIDE, StuckReference
 from underlay.inference.model.members import Member
 from underlay.mechanics.exact.master_curve import Stretch
 from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.stuck.stuck_punch import Basis, Growth, StuckPunch, chebyshev_radii, end_rule
+from underlay.mechanics.stuck.stuck_punch import Basis, EndRule, Growth, StuckPunch, chebyshev_radii, end_rule
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
 
@@ -79,15 +79,17 @@ def test_without_coupling_the_transforms_are_spherical_bessel_functions() -> Non
     assert even - odd == pytest.approx((-1.0) ** n * bessel, abs=1e-13)
 
 
+def outside(basis: Basis, nodes: np.ndarray, fine: EndRule) -> tuple[np.ndarray, np.ndarray]:
+    """What a field leaves outside at nodes 1/y, in closed form and as the integral."""
+    seen = basis.outside(end_rule(2)._replace(nodes=nodes, rest=1.0 - nodes, weights=nodes))
+    field = (basis.values(fine).imag * fine.weights) * fine.nodes
+    pole = np.subtract.outer(-(fine.nodes**2), -(nodes**-2.0))
+    return seen, (2.0 * basis.gamma / np.pi) * field @ (1.0 / pole)
+
+
 def test_what_a_field_leaves_outside_is_one_function_on_both_sides_of_the_switch() -> None:
     """The closed form, which cancels far out, against the integral, which has a pole near the edge."""
-    basis = Basis.of(0.3, 10, 5.0)
-    nodes = np.linspace(0.86, 0.96, 11)
-    rule = end_rule(2)._replace(nodes=nodes, rest=1.0 - nodes, weights=nodes)
-    seen = basis.outside(rule)
-    fine = end_rule(600, 3.4)
-    field = (basis.values(fine).imag * fine.weights) * fine.nodes
-    whole = (2.0 * basis.gamma / np.pi) * field @ (1.0 / np.subtract.outer(-(fine.nodes**2), -(nodes**-2.0)))
+    seen, whole = outside(Basis.of(0.3, 10, 5.0), np.linspace(0.86, 0.96, 11), end_rule(600, 3.4))
     assert seen == pytest.approx(whole, abs=1e-12)
 
 
@@ -206,9 +208,7 @@ def test_an_incompressible_half_space_does_not_feel_friction() -> None:
 
 def test_equal_layers_are_one_layer() -> None:
     gel = ul.Isotropic(1.0, 0.4)
-    one = ul.contact_law(
-        ul.Paraboloid(1.0), ul.Layer(gel, 1.0), ul.RIGID, max_depth=0.5, solver=ul.Stuck(1e-8)
-    )
+    one = stuck(ul.Paraboloid(1.0), 0.4, 0.5, solver=ul.Stuck(1e-8))
     cut = ul.Stack([ul.Layer(gel, 0.5), ul.Layer(gel, 0.25)], ul.RIGID)
     three = ul.contact_law(ul.Paraboloid(1.0), ul.Layer(gel, 0.25), cut, max_depth=0.5, solver=ul.Stuck(1e-8))
     w = np.linspace(0.02, 0.5, 9)
@@ -261,16 +261,15 @@ def test_the_flat_punch_of_thirty_digits(nu: float, base: float | None, eps: flo
 
 
 @pytest.mark.parametrize(
-    ("nu", "depth", "force"), [(0.3, 0.3560417315, 1.9215165319), (0.5, 0.2986890908, 2.1593136633)]
+    ("tip", "nu", "depth", "force"),
+    [
+        (ul.Sphere(2.0), 0.3, 0.3560417315, 1.9215165319),
+        (ul.Sphere(2.0), 0.5, 0.2986890908, 2.1593136633),
+        (ul.PowerLaw(1.5, 1.0), 0.3, 1.2363268923, 5.5810268953),
+    ],
 )
-def test_the_true_sphere(nu: float, depth: float, force: float) -> None:
-    _, w, P = grown(pair(nu), ul.Sphere(2.0), 1.0)
-    assert (w, P) == pytest.approx((depth, force), rel=1e-9)
-
-
-def test_another_power() -> None:
-    _, w, P = grown(pair(0.3), ul.PowerLaw(1.5, 1.0), 1.0)
-    assert (w, P) == pytest.approx((1.2363268923, 5.5810268953), rel=1e-9)
+def test_the_true_sphere_and_another_power(tip: ul.Indenter, nu: float, depth: float, force: float) -> None:
+    assert grown(pair(nu), tip, 1.0)[1:] == pytest.approx((depth, force), rel=1e-9)
 
 
 def test_a_stack_of_four_layers() -> None:
@@ -336,28 +335,24 @@ def test_thin_layers_keep_their_stated_error_and_their_slope(
 
 @pytest.mark.parametrize("reference", WIDE, ids=lambda r: f"{r.nu}-{r.base}-{r.eps}")
 def test_wide_contacts_on_thin_layers(reference: StuckReference) -> None:
-    layer = ul.Layer(ul.Isotropic(1.0, reference.nu), 1.0)
-    base = ul.RIGID if reference.base is None else ul.Isotropic(reference.base, 0.3)
+    theta = ul.Isotropic(1.0, reference.nu).theta
     for tip, (depth, force), power in (
         (ul.Paraboloid(0.5), reference.paraboloid, 2),
         (ul.Cone(np.pi / 4), reference.cone, 1),
     ):
         # The law ends at a/h = 20: a depth is asked for that stays below by the digits printed.
         w = depth * reference.eps**power * (1.0 - 1e-7)
-        law = ul.contact_law(tip, layer, base, max_depth=w, solver=ul.Stuck(1e-6))
-        stiffness = 4.0 * layer.material.theta * reference.eps * reference.kappa
-        said = force * layer.material.theta * reference.eps ** (power + 1) - 1e-7 * w * stiffness
+        law = stuck(tip, reference.nu, w, reference.base)
+        stiffness = 4.0 * theta * reference.eps * reference.kappa
+        said = force * theta * reference.eps ** (power + 1) - 1e-7 * w * stiffness
         assert law.force(w) == pytest.approx(said, rel=1e-6)
         assert law.stiffness(w) == pytest.approx(stiffness, rel=1e-6)
 
 
 def test_what_a_field_leaves_outside_keeps_its_digits_for_many_functions() -> None:
     """P_n grows as V_n falls: the closed form of the hundredth lost everything beyond y = 1.02."""
-    basis, nodes = Basis.of(0.3, 120, 5.0), np.array([0.5, 0.92, 0.99, 0.9999])
-    seen = basis.outside(end_rule(2)._replace(nodes=nodes, rest=1.0 - nodes, weights=nodes))
-    fine = end_rule(3000, 3.4)
-    field = (basis.values(fine).imag * fine.weights) * fine.nodes
-    whole = (2.0 * basis.gamma / np.pi) * field @ (1.0 / np.subtract.outer(-(fine.nodes**2), -(nodes**-2.0)))
+    nodes = np.array([0.5, 0.92, 0.99, 0.9999])
+    seen, whole = outside(Basis.of(0.3, 120, 5.0), nodes, end_rule(3000, 3.4))
     assert seen[:, :3] == pytest.approx(whole[:, :3], abs=2e-12)
     assert np.abs(seen[80:, 0]).max() < 1e-25
 
