@@ -215,11 +215,9 @@ def test_a_batch_is_its_members(layers, on):
         "stiff": (1.0, 3.0, 10.0, 1e5),
         "mixed": (1e-6, 0.3, 0.7, 10.0),
     }
-    bases_ = (
-        [ul.RIGID] * 4
-        if on == "rigid"
-        else [ul.Isotropic(r * 2.0 * m.theta, 0.4) for r, m in zip(ratios[on], layers, strict=True)]
-    )
+    bases_ = [ul.RIGID] * 4
+    if on != "rigid":
+        bases_ = [ul.Isotropic(r * 2.0 * m.theta, 0.4) for r, m in zip(ratios[on], layers, strict=True)]
     together = LayerKernel(batch(layers), None if on == "rigid" else batch(bases_)).values(U)
     assert together.shape == (4, U.size)
     for row, layer, base in zip(together, layers, bases_, strict=True):
