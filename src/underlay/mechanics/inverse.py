@@ -62,13 +62,14 @@ def invert_increasing(
         high = np.where(error > 0.0, np.minimum(high, x), high)
         low = np.where(error < 0.0, np.maximum(low, x), low)
         rate = slope * radius / value
-        # A flat spot (rate near zero, at a turning point) must not throw the step out of all bounds, and where the
-        # slope is infinite, as at the end of an asymptotic law, Newton's step is zero: halve the bracket.
+        # A flat spot (rate near zero, at a turning point) must not throw the step out of all bounds.
         step = error / np.maximum(rate, 1e-3)
-        still = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
         proposal = x - np.sign(step) * np.minimum(np.abs(step), longest)
         middle = 0.5 * (low + high)
-        outside = (proposal > high) | (proposal < low) | still
+        outside = (proposal > high) | (proposal < low)
+        if least:
+            # An asymptotic law may end with an infinite slope, where Newton's step is zero: halve then too.
+            outside |= (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
         proposal = np.where(outside & np.isfinite(middle), middle, np.minimum(proposal, high))
         if (np.abs(proposal - x) <= 2.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all():
             return np.asarray(np.exp(proposal))

@@ -75,6 +75,7 @@ _APART = 0.5
 # |d^2|/p below which roots that turn count as real: twice what the rounding of isotropic constants leaves.
 _EPSILON = float(np.finfo(float).eps)
 _ROUNDING = 4.0 * _EPSILON
+_POWERS = read_only(np.arange(_TERMS, dtype=np.float64))
 
 
 def _sums() -> FloatArray:
@@ -120,7 +121,7 @@ def passage(of: FloatArray) -> FloatArray:
     """
     q, c, g, S, p, gap, sigma = of
     matrices = np.zeros((*g.shape, 5, 5, WAVES))
-    unit, A, twice, third, fourth = np.moveaxis(matrices, -1, 0)
+    unit, A, twice, third, fourth = (matrices[..., number] for number in range(WAVES))
     unit[...] = _UNIT_MATRIX
     A[..., 0, 3] = A[..., 4, 2] = g
     A[..., 2, 3] = A[..., 4, 0] = c
@@ -180,16 +181,16 @@ class Waves:
         self._kinds: list[tuple[list[int], Formula, _Roots]] = []
         for kind in set(kinds):
             rows = [row for row, own in enumerate(kinds) if own == kind]
-            own: Sequence[Real] = p, sigma, d
+            found: Sequence[Real] = p, sigma, d
             if len(p) == 1:
-                own = [float(root[0, 0]) for root in own]
+                found = float(p[0, 0]), float(sigma[0, 0]), float(d[0, 0])
             elif len(rows) < len(p):
-                own = p[rows], sigma[rows], d[rows]
-            self._kinds.append((rows, (_turning, _far, _near)[kind], _Roots(*own)))
+                found = p[rows], sigma[rows], d[rows]
+            self._kinds.append((rows, (_turning, _far, _near)[kind], _Roots(*found)))
         self._scale = np.maximum(sigma, 2.0 * np.sqrt(p))
         over = 1.0 / self._scale
-        first, second = _powers(sigma * -over, _TERMS), _powers(4.0 * square * over * over, _TERMS // 2)
-        pairs = first * second.swapaxes(1, 2)
+        powers = (sigma * -over) ** _POWERS
+        pairs = powers[:, :, None] * (4.0 * square * over * over)[:, None] ** _POWERS[: _TERMS // 2]
         self._series = (pairs.reshape(len(p), -1) @ _SUMS).reshape(len(p), 2, _TERMS)
 
     def __call__(self, v: FloatArray) -> FloatArray:
@@ -358,7 +359,8 @@ class Recursion:
         top = self._passages[..., -1, :, :, :]
         self._unit = top[..., :1, :, :]
         # The last function is the growing wave, which leaves nothing.
-        self._seen = (self._growing[..., 1:, :, None] * self._unit - top[..., 1:, :, :])[..., :-1]
+        seen = (self._growing[..., 1:, :, None] * self._unit - top[..., 1:, :, :])[..., :-1]
+        self._seen = np.ascontiguousarray(seen)
 
     def one_minus_L(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,) of zero or more.
