@@ -353,8 +353,8 @@ class Recursion:
         of = _in_rows([(*_seven(sheet.constants), sheet.thickness) for sheet in self._sheets])
         self._thicknesses, self._lead = of[-1], of.shape[1:-1]
         self._waves = Waves(of[4].reshape(-1, 1), of[6].reshape(-1, 1))
-        self._base = _in_rows([[minor] for minor in _halfspace_minors(base)])[0]
-        self._growing = _in_rows([[minor] for minor in _halfspace_minors(sheets[0].constants)])[0]
+        minors = _halfspace_minors(base), _halfspace_minors(sheets[0].constants)
+        self._base, self._growing = _in_rows(list(zip(*minors, strict=True)))
         self._passages = passage(of[:7, ..., 0])
         top = self._passages[..., -1, :, :, :]
         self._unit = top[..., :1, :, :]
