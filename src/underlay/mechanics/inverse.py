@@ -66,10 +66,12 @@ def invert_increasing(
         step = error / np.maximum(rate, 1e-3)
         proposal = x - np.sign(step) * np.minimum(np.abs(step), longest)
         middle = 0.5 * (low + high)
-        outside = (proposal > high) | (proposal < low)
+        outside = (proposal >= high) | (proposal <= low)
         if least:
-            # An asymptotic law may end with an infinite slope, where Newton's step is zero: halve then too.
-            outside |= (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
+            # The first guess may be the end and the answer. An asymptotic law may end with an infinite slope, where
+            # Newton's step is zero: halve the bracket then too.
+            still = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
+            outside = still | (proposal > high) | (proposal < low)
         proposal = np.where(outside & np.isfinite(middle), middle, np.minimum(proposal, high))
         if (np.abs(proposal - x) <= 2.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all():
             return np.asarray(np.exp(proposal))
