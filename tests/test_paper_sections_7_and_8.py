@@ -21,35 +21,6 @@ from underlay.mechanics.asymptotic import blunt
 __all__ = ["fifty_digits"]  # used by pytest
 
 
-def inverse_coefficients(lam, a_0, a_1):
-    """D_1..D_4 of (8.2): varpi = P~ (1 + D_1 P~ + ... + D_4 P~^4), the inverse of (8.1)."""
-    b, c = blunt.kernel_terms(a_0, a_1)
-    beta, gamma = b / (lam + 1), (lam + 2) / ((lam + 1) * (lam + 3)) * c
-    one, two, three = 1 - lam, 1 - 2 * lam, 1 - 3 * lam
-    fourth = one * two * three / 24 * beta**4 + one * beta * gamma
-    return -beta, one / 2 * beta**2, -one * two / 6 * beta**3 - gamma, fourth
-
-
-def scaled_contact_coefficients(lam, a_0, a_1):
-    """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7)."""
-    b, c = blunt.kernel_terms(a_0, a_1)
-    beta, three = b / (lam + 1), lam + 3
-    one, two, far = lam - 1, 2 * lam - 1, 3 * lam - 1
-    third = -one * two / 6 * beta**3 - (2 * lam + 5) / ((lam + 1) * three) * c
-    fourth = -one * two * far / 24 * beta**4 - (lam**2 - lam - 8) / ((lam + 1) * three) * beta * c
-    return -beta, -one / 2 * beta**2, third, fourth
-
-
-def kappa_coefficients(lam, a_0, a_1):
-    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's."""
-    b, c = blunt.kernel_terms(a_0, a_1)
-    one, two, far = lam + 1, 2 * lam + 1, 3 * lam + 1
-    third = two * far / (6 * one**2) * b**3 + (lam + 2) / (lam + 3) * c
-    fourth = two * far * (4 * lam + 1) / (24 * one**3) * b**4
-    fourth += (2 * lam**2 + 4 * lam - 1) / (one * (lam + 3)) * b * c
-    return b, two / (2 * one) * b**2, third, fourth
-
-
 def kappa_residual(lam, moments, K):
     def residual(eps):
         scaled_force = force_5_2(eps, lam, moments)
@@ -72,7 +43,7 @@ def test_eq_7_1_and_7_2_scaling_factor():
 
 @blunt_cases
 def test_eq_7_3_depth_series(lam, moments):
-    coefficients = scaled_contact_coefficients(lam, *moments)
+    coefficients = blunt.scaled_contact_coefficients(lam, *moments)
 
     def residual(eps):
         return depth_5_3(eps, lam, moments) ** (1 / lam) / (eps * series(coefficients, eps)) - 1
@@ -83,7 +54,7 @@ def test_eq_7_3_depth_series(lam, moments):
 
 @blunt_cases
 def test_eq_7_4_and_7_5_kappa_and_its_erratum(lam, moments):
-    K = kappa_coefficients(lam, *moments)
+    K = blunt.kappa_coefficients(lam, *moments)
     assert order_of(kappa_residual(lam, moments, K)) == pytest.approx(5.0, abs=0.02)
     # Erratum: as printed, 8 a_1 (lambda - 2)/(3 pi (lambda + 3)), the third order is off by 4 c/(lambda + 3).
     c = blunt.kernel_terms(*moments)[1]
@@ -97,7 +68,7 @@ def test_eq_7_4_and_7_5_kappa_and_its_erratum(lam, moments):
 
 def test_eq_7_6_paraboloid_kappa():
     a_0, a_1, pi = 1.3, -0.6, np.pi
-    assert kappa_coefficients(2.0, a_0, a_1) == pytest.approx(
+    assert blunt.kappa_coefficients(2.0, a_0, a_1) == pytest.approx(
         [
             2 * a_0 / pi,
             10 * a_0**2 / (3 * pi**2),
@@ -113,7 +84,7 @@ def test_eq_7_7_is_the_limit_of_7_5(moments):
     a_0, a_1 = (float(m) for m in moments)
     limit = blunt.kappa_infinity_coefficients(a_0, a_1)
     for lam in (1e4, 1e8):
-        assert kappa_coefficients(lam, a_0, a_1) == pytest.approx(limit, rel=20 / lam)
+        assert blunt.kappa_coefficients(lam, a_0, a_1) == pytest.approx(limit, rel=20 / lam)
 
 
 @pytest.mark.parametrize("form", ["explicit", "parametric", "compliance"])
@@ -143,7 +114,7 @@ def test_eq_8_1_and_8_3_force_in_varpi():
 @blunt_cases
 def test_eq_8_2_inverts_8_1(lam, moments):
     C = blunt.force_coefficients(lam, *moments)
-    D = inverse_coefficients(lam, *moments)
+    D = blunt.inverse_coefficients(lam, *moments)
 
     def residual(varpi):
         scaled = varpi * series(C, varpi) ** (1 / (lam + 1))
@@ -154,7 +125,7 @@ def test_eq_8_2_inverts_8_1(lam, moments):
 
 @blunt_cases
 def test_eq_8_4_is_8_2_to_the_power_lambda(lam, moments):
-    D = inverse_coefficients(lam, *moments)
+    D = blunt.inverse_coefficients(lam, *moments)
     W = blunt.compliance_depth_coefficients(lam, *moments)
     if lam == 1:
         assert [float(d) for d in D] == pytest.approx([float(w) for w in W], abs=1e-15)

@@ -7,7 +7,8 @@ radius, a_half that on a half-space at the same depth, h the thickness.
 Throughout, b = 2 a_0/pi and c = 8 a_1/(3 pi), so that 16 a_0 a_1/(3 pi^2) = b c.
 
 Source: Argatov and Sabina, asymptotic analysis of the substrate effect for an arbitrary indenter; paraboloid:
-Argatov (2011), second order.
+Argatov (2011), second order. Erratum used here: in (7.5) the printed 8 a_1 (lambda - 2)/(3 pi (lambda + 3))
+must read (lambda + 2); with the printed sign neither (7.6) nor (7.7) follows.
 
 `series` makes curves of depth, force and contact radius of them. `order`, 0 to 4, is the number of terms kept.
 """
@@ -90,6 +91,43 @@ def force_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
     )
 
 
+def inverse_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
+    """D_1..D_4 of (8.2): varpi = P~ (1 + D_1 P~ + ... + D_4 P~^4), the inverse of (8.1).
+
+    The paper leaves them unwritten; (8.4) is their lambda-th power, whose second and fourth terms vanish.
+
+    varpi is the half-space contact radius at the depth over the thickness. The shape is A r^lambda,
+    lambda = `exponent`. P~ is the half-space contact radius at the force over the thickness. Equation
+    numbers are those of Argatov and Sabina.
+    """
+    b, c = kernel_terms(a_0, a_1)
+    lam, one = exponent, exponent + 1.0
+    beta, gamma = b / one, (lam + 2.0) / (one * (lam + 3.0)) * c
+    return (
+        -beta,
+        (1.0 - lam) / 2.0 * beta**2,
+        -(1.0 - lam) * (1.0 - 2.0 * lam) / 6.0 * beta**3 - gamma,
+        (1.0 - lam) * (1.0 - 2.0 * lam) * (1.0 - 3.0 * lam) / 24.0 * beta**4 + (1.0 - lam) * beta * gamma,
+    )
+
+
+def scaled_contact_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
+    """Coefficients of (7.3): varpi = eps (1 + ... eps + ... eps^4), the inverse of (5.7).
+
+    varpi is the half-space contact radius at the depth over the thickness. eps is a/h, contact radius
+    over thickness. Equation numbers are those of Argatov and Sabina.
+    """
+    b, c = kernel_terms(a_0, a_1)
+    lam, one, three = exponent, exponent + 1.0, exponent + 3.0
+    return (
+        -b / one,
+        -(lam - 1.0) / (2.0 * one**2) * b**2,
+        -(lam - 1.0) * (2.0 * lam - 1.0) / (6.0 * one**3) * b**3 - (2.0 * lam + 5.0) / (one * three) * c,
+        -(lam - 1.0) * (2.0 * lam - 1.0) * (3.0 * lam - 1.0) / (24.0 * one**4) * b**4
+        - (lam**2 - lam - 8.0) / (one**2 * three) * b * c,
+    )
+
+
 def parametric_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
     """Coefficients of (5.3), depth w by contact radius: w = A F_2 a^lambda (1 + ... eps + ... eps^4).
 
@@ -119,6 +157,25 @@ def compliance_depth_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Serie
     b, c = kernel_terms(a_0, a_1)
     lam, one = exponent, exponent + 1.0
     return -lam / one * b, 0.0 * b, -lam * (lam + 2.0) / (one * (lam + 3.0)) * c, 0.0 * b
+
+
+def kappa_coefficients(exponent: Real, a_0: Real, a_1: Real) -> Series:
+    """Coefficients of (7.5), erratum applied: kappa_lambda(eps) = 1 + ..., force over the half-space's.
+
+    Both at the same depth, as a function of eps = a/h; (7.6) is lambda = 2.
+
+    The shape is A r^lambda, lambda = `exponent`. Equation numbers are those of Argatov and Sabina.
+    """
+    b, c = kernel_terms(a_0, a_1)
+    lam, one, three = exponent, exponent + 1.0, exponent + 3.0
+    two = 2.0 * lam + 1.0
+    return (
+        b,
+        two / (2.0 * one) * b**2,
+        two * (3.0 * lam + 1.0) / (6.0 * one**2) * b**3 + (lam + 2.0) / three * c,
+        two * (3.0 * lam + 1.0) * (4.0 * lam + 1.0) / (24.0 * one**3) * b**4
+        + (2.0 * lam**2 + 4.0 * lam - 1.0) / (one * three) * b * c,
+    )
 
 
 def kappa_infinity_coefficients(a_0: Real, a_1: Real) -> Series:
