@@ -108,15 +108,7 @@ def test_what_friction_adds_in_large_strains_lies_within_its_prior(table: int, r
     nu = float(CURVES[table]["nu"].iloc[0])
     scene = ul.Scene(ul.Sphere(1.0 / ratio), ul.Layer(ul.Isotropic(1.0, nu), 1.0), ul.RIGID)
     law = scene.contact_law(0.3)
-    pressed = Pressed(
-        scene.parameters,
-        law,
-        depth,
-        law.force(depth),
-        law.stiffness(depth),
-        made=lambda: scene,
-        by=lambda solver: scene.contact_law(0.3, solver=solver),
-    )
+    pressed = Pressed(scene.parameters, law, depth, law.force(depth), law.stiffness(depth), scene)
     friction, _, both = left_out(scene, 0.2).errors
     small, column = (error.column(pressed) / pressed.force for error in (friction, both))
     amplitude = ((own[1] / own[0]).to_numpy() - 1.0 - small) / column

@@ -15,28 +15,25 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
+from underlay.inference.least_squares.adhesive import about_left_out, determined, for_all_readings
 from underlay.inference.least_squares.candidates import EXPLAINED, candidates
 from underlay.inference.least_squares.engine import Ahead
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
-from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
-from underlay.inference.least_squares.memory_starts import Start
 from underlay.inference.least_squares.models import LOSSES
-from underlay.inference.least_squares.scan import LIKELY, scan
+from underlay.inference.least_squares.scan import LIKELY, Start, scan
 from underlay.inference.least_squares.scan_curve import blocked_objective, power_law_objective
-from underlay.inference.least_squares.settle import Optimum, confirmed, settle
+from underlay.inference.least_squares.settle import METHODS, Minimiser, Optimum, by_lmfit, settle
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.solvers import Exact
-from underlay.scene.noise import NoiseModel
 
 # A place this near to the path of an earlier search, in every scaled coordinate, lies on it: two minima closer than
 # this are one (`candidates`).
@@ -154,17 +151,8 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
 
     Repeated until the readings left out stay the same. `began` is the clock (s) at the start of the fit.
     """
-    # Not loaded for a scene without adhesion.
-    from underlay.inference.least_squares.jump_readings import (  # noqa: PLC0415
-        about_left_out,
-        determined,
-        for_all_readings,
-    )
-
-    problem, used = (
-        found.problem,
-        [np.ones(len(member.force), dtype=bool) for member in found.problem.members],
-    )
+    problem = found.problem
+    used = [np.ones(len(member.force), dtype=bool) for member in problem.members]
     for _ in range(_MAX_PASSES):
         kept = determined(found, problem)
         same = all(np.array_equal(one, other) for one, other in zip(kept, used, strict=True))
@@ -173,7 +161,9 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
         used = kept
         left = problem.revised(
             curves=[curve.select(keep) for curve, keep in zip(problem.curves, kept, strict=True)],
-            noise=_of_readings(problem, kept),
+            noise=[m.noise.of_readings(keep) for m, keep in zip(problem.members, kept, strict=True)]
+            if problem.noise_is_stated
+            else None,
         )
         values = [found.values, *(other.values for other in found.alternatives)]
         found = _settled(left, lmfit, [left.vector(each) for each in values], began)
@@ -182,13 +172,6 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
         warnings=(*found.warnings, *about_left_out(problem, used)),
         statistics=for_all_readings(found.statistics, problem.n_points),
     )
-
-
-def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[NoiseModel] | None:
-    """Noise of the readings kept by masks (n,), one model per curve; None if the problem gives no noise."""
-    if not problem.noise_is_stated:
-        return None
-    return [member.noise.of_readings(keep) for member, keep in zip(problem.members, kept, strict=True)]
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
@@ -221,7 +204,12 @@ def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
     if not others or min(others) <= LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
         return None
     start = starts[0].vector
-    found = settle(problem, start, steps=_QUICKLY, give_up=lambda ahead: _is_far(ahead.there - start))
+    found = settle(
+        problem,
+        start,
+        steps=_QUICKLY,
+        give_up=lambda ahead: bool((np.abs(ahead.there - start) > _FAR).any()),
+    )
     return found if found is not None and found.success and _explains(found) else None
 
 
@@ -236,10 +224,6 @@ def _explains(found: Optimum) -> bool:
     return square <= EXPLAINED * problem.n_points
 
 
-def _is_far(change: FloatArray) -> bool:
-    return bool((np.abs(change) > _FAR).any())
-
-
 def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -> Fit:
     """Make the result of the best of some optima, `began` being the clock (s) at the start of the fit.
 
@@ -252,8 +236,9 @@ def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
         # On a plateau there is more than one place to stop at: there its optimum is taken.
-        there = replace(best, minimiser=lmfit)
-        best = there if best.success and not _on_a_plateau(there) else confirmed(best, lmfit)
+        best = replace(best, minimiser=lmfit)
+        if best.objective.active and not (best.success and not _on_a_plateau(best)):
+            best = by_lmfit(best.objective, lmfit, best.vector)
     return judge(best, others, seconds=time.perf_counter() - began, state=_stated)
 
 
@@ -263,7 +248,7 @@ def _on_a_plateau(best: Optimum) -> bool:
     return bool(((columns * columns).sum(axis=0) < 1.0).any())
 
 
-def _stated(found: Fit) -> States:
+def _stated(found: Fit) -> Any:
     # Answers of most fits of a map are never read: the module is loaded with the first that is.
     from underlay.inference.uncertainty.statement import Statement  # noqa: PLC0415
 
@@ -276,16 +261,14 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     Returns scaled vectors (k,) of minima that may be the optimum, best first; the starts themselves where blocks
     are no help. With `robust` blocks are medians.
     """
-    few = len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust
-    if few or not starts:
-        return starts
-    if not _has_blocks(problem):
-        # Every start is fitted to all points.
+    is_short = problem.n_points <= _FEW_POINTS and not robust
+    # Without blocks every start is fitted to all points.
+    if not starts or (len(starts) == 1 and is_short) or not _has_blocks(problem):
         return starts
     by_power_laws = power_law_objective(problem, robust=robust)
     if by_power_laws is not None:
         starts = [entry.vector for entry in candidates(by_power_laws, starts)] or starts
-        if len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust:
+        if len(starts) == 1 and is_short:
             return starts
     found = candidates(blocked_objective(problem, robust=robust), starts)
     # Robust fits of different scale do not compare by their losses: only the best is taken further.
@@ -326,41 +309,23 @@ def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
 
 
 def law_bias(fit: Fit) -> float:
-    """Largest shift of a parameter, over its standard error, due to the law's estimated relative error."""
-    shifts = shift_of_the_law(fit.problem, fit.vector, fit.scaled_covariance, fit.sigmas)
-    deviation = np.sqrt(np.diag(fit.scaled_covariance))
+    """Largest shift of a parameter, over its standard error, due to the law's estimated relative error.
+
+    A relative error of the force at every depth shifts the scaled parameters, to first order, by C J' V^-1 P times
+    it, with C their covariance, V the squares of the noise's standard deviations, P the contact force and J its
+    derivatives in them. A modulus that scales the force takes all of it. Correlation of the noise is left out: a
+    shift of the mean hardly depends on it.
+    """
+    problem, physical = fit.problem, fit.problem.physical(fit.vector)
+    slopes = problem.space.slopes(physical)
+    total = np.zeros(len(slopes))
+    for member, sigma in zip(problem.members, fit.sigmas, strict=True):
+        reading, columns = member.jacobian(physical)
+        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
+    shifts, deviation = fit.scaled_covariance @ total, np.sqrt(np.diag(fit.scaled_covariance))
     fixed = deviation > 0.0
     relative = np.abs(shifts[fixed]) * fit.statistics.law_error / deviation[fixed]
     return float(relative.max(initial=0.0))
-
-
-def shift_of_the_law(
-    problem: Problem, vector: FloatArray, covariance: FloatArray, sigmas: tuple[FloatArray, ...]
-) -> FloatArray:
-    """Shift (k,) of the scaled parameters per unit of relative error of the force at every depth.
-
-    First order: C J' V^-1 P, with P the contact force and J its derivatives in the scaled parameters. A modulus
-    that scales the force takes all of it. Correlation of the noise is left out: a shift of the mean hardly depends
-    on it.
-
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted.
-    vector : FloatArray
-        Scaled vector of the optimum, (k,).
-    covariance : FloatArray
-        C, of the scaled parameters, (k, k).
-    sigmas : tuple of FloatArray
-        Standard deviations of the noise (N), one array (n,) per curve: V is their squares.
-    """
-    physical = problem.physical(vector)
-    slopes = problem.space.slopes(physical)
-    total = np.zeros(len(vector))
-    for member, sigma in zip(problem.members, sigmas, strict=True):
-        reading, columns = member.jacobian(physical)
-        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
-    return np.asarray(covariance @ total)
 
 
 class VisitedPaths:

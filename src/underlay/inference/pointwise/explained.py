@@ -106,15 +106,11 @@ class Body:
             If these are no values of a possible scene, or its law does not reach as deep.
         """
         contact = self.contact(values, force, slope)
+        E = values["layer.E"]
         if self.proportional:
             P, S = self._law(values, 1.0, contact.depth).force_and_stiffness(contact.depth)
             ones = np.ones_like(P)
-            return Explained(
-                values["layer.E"] * _ratio(contact.force, P),
-                values["layer.E"] * _ratio(contact.stiffness, S),
-                ones,
-                ones,
-            )
+            return Explained(E * _ratio(contact.force, P), E * _ratio(contact.stiffness, S), ones, ones)
         log_shares = np.linspace(-np.log(_REACH), np.log(_REACH), _RUNGS)
         rungs = [
             self._law(values, float(share), contact.depth).force_and_stiffness(contact.depth)
@@ -123,7 +119,6 @@ class Body:
         P, S = (np.array(column) for column in zip(*rungs, strict=True))
         apparent, apparent_power = _looked_up(P, contact.force, log_shares)
         incremental, incremental_power = _looked_up(S, contact.stiffness, log_shares)
-        E = values["layer.E"]
         return Explained(E * np.exp(apparent), E * np.exp(incremental), apparent_power, incremental_power)
 
     def contact(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Contacts:
@@ -136,7 +131,7 @@ class Body:
         P = force - chain.reading(np.zeros_like(depth), depth)
         along = slope - values.get("instrument.baseline_slope", 0.0)
         # dw = dd - C dP, less what a lever bends beyond what was taken off: (sigma - 1) dF / k.
-        beyond = self._lever_compliance(values)
+        beyond = float(self.forward.lever_compliances(values))
         travel = chain.travel(depth - beyond * force)
         return Contacts(travel - compliance * P, P, along / (1.0 - beyond * slope - compliance * along))
 
@@ -148,17 +143,12 @@ class Body:
         chain = Chain.of(values)
         found = self.forward.reading(values)
         share = np.ones_like(found.force) if chain.frame is None else chain.frame.share(found.stiffness)
-        tilt, beyond = values.get("instrument.baseline_slope", 0.0), self._lever_compliance(values)
+        tilt = values.get("instrument.baseline_slope", 0.0)
+        # Of a lever of spring constant k whose sensitivity is sigma times what was calibrated:
         # dF/dd = S share (1 - (sigma - 1)/k dF/dd) + tilt
+        beyond = float(self.forward.lever_compliances(values))
         slope = found.stiffness * share
         return found.force, (slope + tilt) / (1.0 + beyond * slope)
-
-    def _lever_compliance(self, values: Mapping[str, float]) -> float:
-        """Compliance (sigma - 1) / k (m/N) that a cantilever adds if its sensitivity is off; zero without one.
-
-        sigma is the ratio of the true sensitivity to the calibrated one and k the spring constant.
-        """
-        return float(self.forward.lever_compliances(values))
 
     def _law(self, values: Mapping[str, float], share: float, depth: FloatArray) -> ContactLaw:
         shared = {path: share * values[path] for path in self.moduli}
@@ -226,13 +216,7 @@ def _looked_up(
 
 
 def require_without_adhesion(scene: Scene) -> None:
-    """Refuse an adhesive contact: its force does not determine a modulus alone.
-
-    Raises
-    ------
-    InputError
-        If the scene has adhesion.
-    """
+    """Raise InputError for an adhesive contact: its force does not determine a modulus alone."""
     if scene.adhesion is not None:
         raise InputError(
             "the modulus depth by depth is not defined for a tip that sticks: work of adhesion and modulus would "

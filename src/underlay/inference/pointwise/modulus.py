@@ -19,19 +19,23 @@ model is right the line is zero, however curved the model is in the bin.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.data.segments import LOADING
 from underlay.errors import CurveError, InputError
 from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import fit as least_squares_fit
 from underlay.inference.model.members import Member
 from underlay.inference.pointwise.explained import Body, halfspace_of, require_without_adhesion
-from underlay.inference.pointwise.result import KINDS, ModulusCurve, PointwiseModulus
+from underlay.inference.problem import Problem
+from underlay.inference.uncertainty.answer import KINDS, ModulusCurve, PointwiseModulus
 from underlay.inference.uncertainty.verdict import SURE, change_with_depth
 from underlay.scene.instrument import ContactDepth
 
@@ -41,71 +45,61 @@ _FEWEST = 8
 _KNOWN = 1.0
 
 
-@dataclass(frozen=True)
-class Bins:
-    """Readings of one curve, grouped by depth.
+def pointwise_modulus(
+    result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
+) -> PointwiseModulus:
+    """Compute the modulus of the layer separately at every depth of a curve.
+
+    It is the fit's modulus, times the ratio of the elastic moduli by which data and fitted model are reproduced
+    there. For an elastic sample that is the modulus by which the force is reproduced; what a sample with memory has
+    relaxed by then is in both.
 
     Parameters
     ----------
-    centre : FloatArray
-        Mean depth reading (m) of each bin, (n,).
-    points : tuple of arrays of int
-        Indices of the curve's readings in each bin.
+    result : Fit or Problem
+        Gives contact point, baseline and everything but the layer's modulus; a problem is fitted first.
+    curve : int, default 0
+        Which curve of a joint fit.
+    points : int, default 30
+        Largest number of depths; each uses eight points of the curve or more.
+    level : float, default 0.95
+        Confidence of the intervals. They include the noise of the points about each depth and the uncertainty of
+        the fitted parameters, under the noise that `Fit.interval` assumes.
+
+    Returns
+    -------
+    PointwiseModulus
+        Depths at which the interval is narrower than twice the modulus, which excludes the first after contact.
+
+    Raises
+    ------
+    InputError
+        If the tip adheres, or the curve is not one of the fit.
+    CurveError
+        If the modulus is determined at no depth.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
+    >>> curve = ul.synthesize(scene, np.linspace(0.0, 1e-4, 400), ul.Noise(force=1e-4), rng=0)
+    >>> fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-4)))
+    >>> found = ul.pointwise_modulus(fit)
+    >>> bool(np.all(np.abs(found.apparent.modulus[10:] / 1e6 - 1.0) < 0.01))
+    True
+    >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
+    True
     """
-
-    centre: FloatArray
-    points: tuple[NDArray[np.intp], ...]
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """Residuals of a fit in depth bins, from a straight line through each, with standard errors.
-
-    Parameters
-    ----------
-    force, slope : FloatArray
-        Data minus model (N) at the centre of each bin, and its derivative along the depth (N/m), (n,).
-    force_error, slope_error : FloatArray
-        Their standard errors, (n,).
-    """
-
-    force: FloatArray
-    slope: FloatArray
-    force_error: FloatArray
-    slope_error: FloatArray
+    require_given(result, "result", Fit, Problem)
+    fit = least_squares_fit(result) if isinstance(result, Problem) else result
+    return modulus_by_depth(fit, curve=curve, points=points, level=level)
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Noise of the readings of one curve.
+def _bins(fit: Fit, curve: int, contact: float, most: int) -> tuple[NDArray[np.intp], ...]:
+    """Indices of the readings beyond contact in each of `most` bins of equal width, or of fewer.
 
-    Parameters
-    ----------
-    sigma : FloatArray
-        Standard deviation of every reading (N).
-    inflation : float
-        Factor by which correlation makes errors of means larger than those of independent readings.
-    """
-
-    sigma: FloatArray
-    inflation: float
-
-
-def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
-    """Group the readings beyond contact into bins of equal width.
-
-    Of a curve with loading and unloading only the loading part is taken.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    curve : int
-        Number of the curve.
-    contact : float
-        Depth reading of the contact (m).
-    most : int
-        Largest number of bins.
+    Of a curve with loading and unloading only the loading part is taken. `curve` is the number of the curve in the
+    fit, `contact` the depth reading of the contact (m).
 
     Raises
     ------
@@ -126,56 +120,35 @@ def bins_of(fit: Fit, curve: int, contact: float, most: int) -> Bins:
     depth = measured.depth[used]
     edges = np.linspace(contact, depth.max(), count + 1)
     which = np.minimum(np.searchsorted(edges, depth, side="right") - 1, count - 1)
-    filled = [k for k in range(count) if np.count_nonzero(which == k) >= _FEWEST // 2]
+    groups = [used[which == k] for k in range(count)]
+    filled = tuple(own for own in groups if len(own) >= _FEWEST // 2)
     if len(filled) < 2:
         raise CurveError("a modulus depth by depth needs points at several depths beyond contact")
-    return Bins(
-        np.array([float(depth[which == k].mean()) for k in filled]),
-        tuple(used[which == k] for k in filled),
-    )
+    return filled
 
 
-def residuals_in(fit: Fit, curve: int, bins: Bins, noise: Noise) -> Residuals:
-    """Fit a straight line to the residuals in every bin, weighted by the noise.
+def _residuals_in(fit: Fit, curve: int, bins: Sequence[NDArray[np.intp]], centre: FloatArray) -> FloatArray:
+    """Residuals of a fit in depth bins, from a straight line through each, weighted by the noise.
 
     The error of a slope falls with the width of a bin to the power 3/2: slopes are those of the bin and its
-    neighbours. `curve` is the number of the curve in the fit.
-    """
-    force, force_error = _lines(fit, curve, bins.points, bins.centre, noise)[0]
-    wide = tuple(np.concatenate(bins.points[max(k - 1, 0) : k + 2]) for k in range(len(bins.points)))
-    slope, slope_error = _lines(fit, curve, wide, bins.centre, noise)[1]
-    return Residuals(force, slope, force_error, slope_error)
-
-
-def _lines(
-    fit: Fit, curve: int, groups: Sequence[NDArray[np.intp]], centre: FloatArray, noise: Noise
-) -> FloatArray:
-    """Value and slope of a straight line through the residuals of each group, and their errors, (2, 2, n).
-
-    Parameters
-    ----------
-    fit, curve : Fit, int
-        The fit, and the number of the curve.
-    groups : sequence of ndarray of int
-        Indices of the readings in each of the n groups.
-    centre : FloatArray
-        Depth readings (m) at which the value is taken, (n,).
-    noise : Noise
-        Noise of the readings.
+    neighbours.
 
     Returns
     -------
     FloatArray
-        First axis estimate and standard error, second value (N) and slope (N/m).
+        Data minus model (N) at the `centre` (n,) of each of the bins, and its derivative along the depth (N/m);
+        second axis the estimate and its standard error, (2, 2, n).
     """
-    depth = fit.curves[curve].depth
-    found = np.zeros((2, 2, len(groups)))
-    for k, points in enumerate(groups):
-        residual, sigma = fit.residuals[curve][points], noise.sigma[points]
-        design = _design(depth[points] - centre[k])
-        covariance = np.linalg.inv((design / sigma[:, None] ** 2).T @ design)
-        found[:, 0, k] = covariance @ design.T @ (residual / sigma**2)
-        found[:, 1, k] = noise.inflation * np.sqrt(np.diag(covariance))
+    depth, (sigma, inflation) = fit.curves[curve].depth, _noise_in(fit, curve, bins, centre)
+    wide = [np.concatenate(bins[max(k - 1, 0) : k + 2]) for k in range(len(bins))]
+    found = np.zeros((2, 2, len(bins)))
+    for which, groups in enumerate((bins, wide)):
+        for k, points in enumerate(groups):
+            residual, own = fit.residuals[curve][points], sigma[points]
+            design = _design(depth[points] - centre[k])
+            covariance = np.linalg.inv((design / own[:, None] ** 2).T @ design)
+            found[which, 0, k] = (covariance @ design.T @ (residual / own**2))[which]
+            found[which, 1, k] = inflation * np.sqrt(covariance[which, which])
     return found
 
 
@@ -183,17 +156,26 @@ def _design(offset: FloatArray) -> FloatArray:
     return np.stack((np.ones_like(offset), offset), axis=1)
 
 
-def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
+def _noise_in(
+    fit: Fit, curve: int, bins: Sequence[NDArray[np.intp]], centre: FloatArray
+) -> tuple[FloatArray, float]:
     """Noise of the readings about a straight line in every bin: as given to the fit, else from the scatter.
 
     Misfit that changes slowly with depth does not count as noise: the modulus is to show it. Errors of means grow
     by sqrt((1 + r) / (1 - r)) where neighbours are correlated by r (AR(1)).
+
+    Returns
+    -------
+    sigma : FloatArray
+        Standard deviation of every reading of the curve (N).
+    inflation : float
+        Factor by which correlation makes errors of means larger than those of independent readings.
     """
     depth, sigma = fit.curves[curve].depth, fit.sigmas[curve]
     square = product = freedom = 0.0
-    for k, points in enumerate(bins.points):
+    for k, points in enumerate(bins):
         z = fit.residuals[curve][points] / sigma[points]
-        design = _design(depth[points] - bins.centre[k])
+        design = _design(depth[points] - centre[k])
         left = z - design @ np.linalg.lstsq(design, z, rcond=None)[0]
         square += float(left @ left)
         product += float(left[1:] @ left[:-1])
@@ -201,12 +183,12 @@ def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
     variance = square / max(freedom, 1.0)
     correlation = min(max(product / max(square, np.finfo(float).tiny), 0.0), 0.99)
     size = 1.0 if fit.problem.noise_is_stated and not fit.statistics.noise_estimated else np.sqrt(variance)
-    return Noise(sigma * size, float(np.sqrt((1.0 + correlation) / (1.0 - correlation))))
+    return sigma * size, float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 
 
 @dataclass(frozen=True, eq=False)
 class BinnedCurve:
-    """One curve of a fit in depth bins, with the two scenes for which moduli are computed.
+    """One curve of a fit in n depth bins, with the two scenes for which moduli are computed.
 
     Parameters
     ----------
@@ -214,60 +196,62 @@ class BinnedCurve:
         The fit.
     curve : int
         Number of the curve.
-    optimum : FloatArray
-        Parameters (k,), SI, of the fit.
-    bins : Bins
-        Its readings by depth.
-    residuals : Residuals
-        Residuals of the fit in each bin.
+    bins : tuple of ndarray of int
+        Indices of the curve's readings in each bin.
+    centre : FloatArray
+        Mean depth reading (m) of each bin, (n,).
+    residuals : FloatArray
+        Residuals of the fit in each bin, as `_residuals_in` returns them.
     layer, bare : Body
         The scene, and the same with the layer as a half-space.
     bare_numbers : mapping of str to float
         Every number (SI) of the half-space.
-    measured : tuple of FloatArray
-        Measured force (N) and slope (N/m) in each bin, (n,).
     """
 
     fit: Fit
     curve: int
-    optimum: FloatArray
-    bins: Bins
-    residuals: Residuals
+    bins: tuple[NDArray[np.intp], ...]
+    centre: FloatArray
+    residuals: FloatArray
     layer: Body
     bare: Body
     bare_numbers: Mapping[str, float]
-    measured: tuple[FloatArray, FloatArray]
 
     @classmethod
     def of(cls, fit: Fit, curve: int, points: int) -> BinnedCurve:
         """Group the readings of a curve into at most `points` bins, and compile the scenes for their depths."""
         member, scene = fit.problem.members[curve], fit.scenes[curve]
         require_without_adhesion(scene)
-        optimum = fit.problem.physical(fit.vector)
-        bins = bins_of(fit, curve, member.values_at(optimum)[ContactDepth.path], points)
+        contact = member.values_at(fit.problem.physical(fit.vector))[ContactDepth.path]
+        bins = _bins(fit, curve, contact, points)
+        centre = np.array([float(fit.curves[curve].depth[own].mean()) for own in bins])
         free, bare = tuple(member.entries), halfspace_of(scene)
-        made = cls(
+        return cls(
             fit=fit,
             curve=curve,
-            optimum=optimum,
             bins=bins,
-            residuals=residuals_in(fit, curve, bins, noise_in(fit, curve, bins)),
-            layer=Body.of(scene, bins.centre, free, fit.solver),
-            bare=Body.of(bare, bins.centre, free, fit.solver),
+            centre=centre,
+            residuals=_residuals_in(fit, curve, bins, centre),
+            layer=Body.of(scene, centre, free, fit.solver),
+            bare=Body.of(bare, centre, free, fit.solver),
             bare_numbers=bare.parameters,
-            measured=(bins.centre, bins.centre),
         )
-        force, slope = made.model(fit.problem.physical(fit.vector))
-        return replace(made, measured=(force + made.residuals.force, slope + made.residuals.slope))
 
     @property
     def member(self) -> Member:
         """The compiled curve."""
         return self.fit.problem.members[self.curve]
 
-    def values(self, physical: FloatArray) -> dict[str, float]:
-        """Every number of the scene (SI) by path, at parameters (k,), SI."""
-        return self.member.values_at(physical)
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """Every number of the fitted scene (SI) by path."""
+        return self.member.values_at(self.fit.problem.physical(self.fit.vector))
+
+    @cached_property
+    def measured(self) -> tuple[FloatArray, FloatArray]:
+        """Measured force (N) and slope (N/m) in each bin, (n,)."""
+        force, slope = self.model(self.fit.problem.physical(self.fit.vector))
+        return force + self.residuals[0, 0], slope + self.residuals[1, 0]
 
     def model(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Force reading (N) and its slope (N/m) by the model at the centre of each bin, (n,).
@@ -275,12 +259,12 @@ class BinnedCurve:
         `physical` are the parameters (k,), SI.
         """
         if self.member.scene.memory is None:
-            return self.layer.reading(self.values(physical))
+            return self.layer.reading(self.member.values_at(physical))
         # A sample with memory has a force at the measured times only: a parabola through the readings of each bin.
         force, depth = self.member.model(physical), self.member.curve.depth
         parabolas = [
             np.polynomial.Polynomial.fit(depth[own] - centre, force[own], 2).convert(domain=[-1.0, 1.0])
-            for own, centre in zip(self.bins.points, self.bins.centre, strict=True)
+            for own, centre in zip(self.bins, self.centre, strict=True)
         ]
         return (
             np.array([parabola(0.0) for parabola in parabolas]),
@@ -292,7 +276,7 @@ class BinnedCurve:
 
         The model's with its layer are the fit's modulus.
         """
-        values = self.values(physical)
+        values = self.member.values_at(physical)
         bare = {p: values[p] if p in self.member.entries else v for p, v in self.bare_numbers.items()}
         model = self.model(physical)
         elastic: FloatArray = np.concatenate(
@@ -309,35 +293,26 @@ class BinnedCurve:
 
     def curves(self, level: float) -> dict[str, ModulusCurve]:
         """The four moduli with their intervals at a confidence `level`, by the names in `KINDS`."""
-        n, z = len(self.bins.centre), float(special.ndtri(0.5 * (1.0 + level)))
+        n, z = len(self.centre), float(special.ndtri(0.5 * (1.0 + level)))
 
         def of(draws: FloatArray) -> FloatArray:
             return np.array([self.moduli(draw).ravel() for draw in draws])
 
-        ends = self.fit.band(of, level)
-        low, middle, high = (end.reshape(8, n) for end in ends)
-        layer = self.layer.explain(self.values(self.optimum), *self.measured)
-        error = self._relative_errors(self.optimum)
+        low, middle, high = (end.reshape(8, n) for end in self.fit.band(of, level))
+        layer = self.layer.explain(self.numbers, *self.measured)
+        # Relative standard errors of contact force and stiffness, from the noise in each bin. The derivative of
+        # dP/dw = s / (1 - C s) in s is its square over s squared.
+        contact = self.layer.contact(self.numbers, *self.measured)
+        along = self.measured[1] - self.numbers["instrument.baseline_slope"]
+        force_error, slope_error = self.residuals[:, 1]
+        error = force_error / np.abs(contact.force), slope_error * np.abs(contact.stiffness / along**2)
         powers = (layer.apparent_power, layer.incremental_power, np.ones(n), np.ones(n))
         found = {}
         for row, (name, power) in enumerate(zip(KINDS, powers, strict=True)):
-            own = z * power * error[row % 2]
-            widened = _widened(low[row], middle[row], high[row], own)
+            widened = _widened(low[row], middle[row], high[row], z * power * error[row % 2])
             positive = np.where(middle[row] > 0.0, middle[row], np.nan)
             found[name] = ModulusCurve(positive, *widened, expected=middle[4 + row])
         return found
-
-    def _relative_errors(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Relative standard errors of contact force and stiffness in each bin, (n,), from the noise in that bin.
-
-        `physical` are the parameters (k,), SI.
-        """
-        values = self.values(physical)
-        contact = self.layer.contact(values, *self.measured)
-        along = self.measured[1] - values["instrument.baseline_slope"]
-        # dP/dw = s / (1 - C s): its derivative in s is its square over s squared.
-        force = self.residuals.force_error / np.abs(contact.force)
-        return force, self.residuals.slope_error * np.abs(contact.stiffness / along**2)
 
 
 def _widened(
@@ -367,15 +342,7 @@ def _widened(
 
 
 def modulus_by_depth(fit: Fit, *, curve: int = 0, points: int = 30, level: float = 0.95) -> PointwiseModulus:
-    """Modulus of the layer at each depth of one curve of a fit; see `pointwise_modulus`.
-
-    Raises
-    ------
-    InputError
-        If the tip sticks, or the curve is not one of the fit.
-    CurveError
-        If the modulus is known at no depth.
-    """
+    """Modulus of the layer at each depth of one curve of a fit; see `pointwise_modulus`."""
     if not 0 <= curve < len(fit.curves):
         raise InputError(f"curve must be a number from 0 to {len(fit.curves) - 1}; got {curve!r}")
     if points < 2 or not 0.0 < level <= 0.999:
@@ -392,21 +359,17 @@ def modulus_by_depth(fit: Fit, *, curve: int = 0, points: int = 30, level: float
             "the modulus is known at no single depth: the noise is as large as the force, or"
             " the contact point is open"
         )
-    contact = binned.layer.contact(binned.values(binned.optimum), *binned.measured)
+    contact = binned.layer.contact(binned.numbers, *binned.measured)
     # One test of the whole curve: of some thirty intervals of 95 % one misses the fit in most curves by chance.
     change, deviation = change_with_depth(fit, curve)
     return PointwiseModulus(
         name=str(fit.curves[curve].metadata.get("name") or ""),
         depth=contact.depth[shown],
         force=contact.force[shown],
-        points=np.array([len(own) for own in binned.bins.points], dtype=float)[shown],
+        points=np.array([len(own) for own in binned.bins], dtype=float)[shown],
         layered=fit.problem.base_scenes[curve].substrate is not None,
         level=level,
         change=change,
         trend="constant" if abs(change) < SURE * deviation else "rising" if change > 0.0 else "falling",
-        **{name: _selected(found, shown) for name, found in curves.items()},
+        **{name: found.at(shown) for name, found in curves.items()},
     )
-
-
-def _selected(curve: ModulusCurve, shown: NDArray[np.bool_]) -> ModulusCurve:
-    return ModulusCurve(curve.modulus[shown], curve.low[shown], curve.high[shown], curve.expected[shown])

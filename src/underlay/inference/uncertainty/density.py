@@ -28,10 +28,10 @@ from scipy.special import logsumexp
 
 from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.moments import CurveMoments
-from underlay.inference.uncertainty.tree import CurveModel, Tangent, log_posterior, log_prior, scales_force
+from underlay.inference.uncertainty.tree import CurveModel, Tangent, scales_force
 
 if TYPE_CHECKING:
-    from underlay.inference.uncertainty.weighed import CurveState, Weighed
+    from underlay.inference.uncertainty.likelihood import CurveState, Likelihood
 
 _SINGULAR = 1e-11  # added to the unit diagonal of a scaled matrix, for nearly undetermined directions
 
@@ -45,6 +45,13 @@ class Place(NamedTuple):
 
     fallen: FloatArray
     columns: FloatArray
+
+
+class Node(NamedTuple):
+    """A scaled vector (k,) on a ridge, and the curves linearised there."""
+
+    vector: FloatArray
+    places: Sequence[Place]
 
 
 class Local(NamedTuple):
@@ -111,7 +118,7 @@ class Density:
 
     Parameters
     ----------
-    likelihood : Weighed
+    likelihood : Likelihood
         Curves of a fit and their hypotheses.
     curves : tuple of DensityCurve
         One for each curve.
@@ -123,14 +130,14 @@ class Density:
         Inverse of the moments' covariance V_m, (m, k, k).
     """
 
-    likelihood: Weighed
+    likelihood: Likelihood
     curves: tuple[DensityCurve, ...]
     kept: NDArray[np.intp]
     height: FloatArray
     precision: FloatArray
 
     @classmethod
-    def of(cls, likelihood: Weighed, bends: Sequence[FloatArray] | None = None) -> Density:
+    def of(cls, likelihood: Likelihood, bends: Sequence[FloatArray] | None = None) -> Density:
         """Density with moments of the model's derivatives and, per curve, of further directions `bends` (n, p)."""
         vector, kept = likelihood.fit.vector, likelihood.entries
         curves = tuple(
@@ -158,8 +165,8 @@ class Density:
         """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds or without a contact law."""
         problem = self.likelihood.fit.problem
         if not problem.noise_is_open:
-            return log_posterior(problem, vectors)
-        found = log_prior(problem, vectors)
+            return problem.log_posterior(vectors)
+        found = problem.log_prior(vectors)
         inside = np.flatnonzero(np.isfinite(found))
         if not inside.size:
             return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,38 +86,40 @@ def seen_in(
     size : int
         Number of readings that are averaged in one row.
     """
-    found = list(_amplitudes(columns, hypotheses, table, growth))
-    weight = np.array([w for w, _, _, _ in found])
-    profile = _Profile.of(columns, tangent)
-    shares, changes, feet = (np.array(part) for part in zip(*(profile.of_one(t) for t in found), strict=True))
-    middles, variances = changes[:, 0], changes[:, 1]
-    middle = float(weight @ middles)
-    steps = np.array([_range(columns.values[:, columns.step] @ b[columns.step]) for _, b, _, _ in found])
-    ramps = np.array([2.0 * float(b[columns.ramp.start]) for _, b, _, _ in found])
-    turns = np.array([np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for _, b, _, _ in found])
+    weight, amplitudes, profiles = [], [], []
+    describe = _profile(columns, tangent)
+    for own, found, active, covariance in _amplitudes(columns, hypotheses, table, growth):
+        weight.append(own)
+        amplitudes.append(found)
+        profiles.append(describe(found, active, covariance))
+    w, (shares, middles, variances, feet) = np.array(weight), np.array(profiles).T
+    middle = float(w @ middles)
+    steps = [columns.values[:, columns.step] @ b[columns.step] for b in amplitudes]
+    ramps = [2.0 * b[columns.ramp.start] for b in amplitudes]
+    turns = [np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for b in amplitudes]
     return Seen(
         white=hypotheses.probability(hypotheses.noise == 0),
-        noise=float(weight @ np.sqrt(hypotheses.variance[: len(found)])) * deviation * size**0.5,
+        noise=float(w @ np.sqrt(hypotheses.variance)) * deviation * size**0.5,
         growth=float((growth[-1] / growth[0]) ** 0.5),
         misfit=hypotheses.probability(hypotheses.misfits),
-        misfit_share=float((weight @ shares**2) ** 0.5),
+        misfit_share=float((w @ shares**2) ** 0.5),
         change=middle,
-        change_deviation=float((weight @ (variances + (middles - middle) ** 2)) ** 0.5),
-        foot=float(weight @ (feet * shares**2) / max(weight @ shares**2, 1e-300)),
+        change_deviation=float((w @ (variances + (middles - middle) ** 2)) ** 0.5),
+        foot=float(w @ (feet * shares**2) / max(w @ shares**2, 1e-300)),
         step=hypotheses.probability(hypotheses.step > 0.0),
         ramp=hypotheses.probability(hypotheses.ramp > 0.0),
         line=hypotheses.probability(hypotheses.family == LINE),
         turn=hypotheses.probability(hypotheses.family > LINE),
-        step_force=float(weight @ steps) * deviation,
-        ramp_force=float(weight @ ramps) * deviation,
-        turn_force=float(weight @ turns) * deviation,
+        step_force=float(w @ [own[-1] - own[0] for own in steps]) * deviation,
+        ramp_force=float(w @ ramps) * deviation,
+        turn_force=float(w @ turns) * deviation,
         corrected=hypotheses.probability(hypotheses.corrects),
     )
 
 
 def _amplitudes(
     columns: Columns, hypotheses: Hypotheses, table: NoiseTable, growth: FloatArray
-) -> Iterator[tuple[float, FloatArray, FloatArray, FloatArray]]:
+) -> Iterator[tuple[float, FloatArray, NDArray[np.intp], FloatArray]]:
     """Estimated amplitudes of all columns under each hypothesis in turn.
 
     Yields
@@ -143,46 +145,31 @@ def _amplitudes(
         yield float(weight), found, active, inverse * hypotheses.variance[one]
 
 
-@dataclass(frozen=True, eq=False)
-class _Profile:
-    """Computes size and place of a misfit from its amplitudes.
+def _profile(
+    columns: Columns, tangent: Tangent
+) -> Callable[[FloatArray, NDArray[np.intp], FloatArray], tuple[float, float, float, float]]:
+    """Function that describes size and place of a misfit by what `_amplitudes` yields of one hypothesis.
 
-    `inside` are the rows in contact, `force` the contact force of all rows, and `reads` the coefficients by which
-    amplitudes give the change of ln E with depth (`_readers`).
+    It returns the root mean square over that of the contact force, the change of ln E from a tenth of the depth to
+    all of it and its variance, and the share of the squared relative misfit in the first fifth of the depth.
     """
+    inside = np.flatnonzero(columns.v > 0.0)
+    first, force, reads = columns.v[inside] ** 2 < _FOOT, tangent.contact[inside], _readers(columns, tangent)
+    is_pressed = np.abs(force) > 0.02 * np.abs(force).max()
 
-    columns: Columns
-    inside: NDArray[np.intp]
-    force: FloatArray
-    reads: FloatArray
-
-    @classmethod
-    def of(cls, columns: Columns, tangent: Tangent) -> _Profile:
-        inside = np.flatnonzero(columns.v > 0.0)
-        return cls(columns, inside, tangent.contact, _readers(columns, tangent))
-
-    def of_one(
-        self, one: tuple[float, FloatArray, FloatArray, FloatArray]
-    ) -> tuple[float, FloatArray, float]:
-        """Describe the misfit of one hypothesis, given as `_amplitudes` yields it.
-
-        Returns
-        -------
-        tuple
-            Root mean square over that of the contact force; change of ln E from a tenth of the depth to all of it,
-            and its variance; share of the squared relative misfit in the first fifth of the depth.
-        """
-        _, amplitudes, active, covariance = one
-        misfit = np.zeros(len(self.columns.values))
-        for place in self.columns.families[:LINE]:
-            misfit += self.columns.values[:, place] @ amplitudes[place]
-        own, force = misfit[self.inside], self.force[self.inside]
+    def describe(
+        amplitudes: FloatArray, active: NDArray[np.intp], covariance: FloatArray
+    ) -> tuple[float, float, float, float]:
+        misfit = np.zeros(len(columns.values))
+        for place in columns.families[:LINE]:
+            misfit += columns.values[:, place] @ amplitudes[place]
+        own, reader = misfit[inside], reads[active]
         share = float(np.linalg.norm(own) / np.linalg.norm(force))
-        reader = self.reads[active]
-        change = np.array([float(self.reads @ amplitudes), float(reader @ covariance @ reader)])
-        relative = np.square(own / np.where(np.abs(force) > 0.02 * np.abs(force).max(), force, np.inf))
-        first = self.columns.v[self.inside] ** 2 < _FOOT
-        return share, change, float(relative[first].sum() / max(relative.sum(), 1e-300))
+        relative = np.square(own / np.where(is_pressed, force, np.inf))
+        foot = float(relative[first].sum() / max(relative.sum(), 1e-300))
+        return share, float(reads @ amplitudes), float(reader @ covariance @ reader), foot
+
+    return describe
 
 
 def _readers(columns: Columns, tangent: Tangent) -> FloatArray:
@@ -199,7 +186,3 @@ def _readers(columns: Columns, tangent: Tangent) -> FloatArray:
         found[relative] += sign * basis / peak["relative"]
         found[shift] += sign * basis * stiffness / peak["shift"] / force
     return found
-
-
-def _range(step: FloatArray) -> float:
-    return float(step[-1] - step[0])

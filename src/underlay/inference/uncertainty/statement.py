@@ -28,7 +28,7 @@ from underlay.units import KINDS
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.result import PointwiseModulus
+    from underlay.inference.uncertainty.answer import PointwiseModulus
 
 #: Name of the statistical part in the budget.
 NOISE = "noise and misfit"
@@ -75,8 +75,12 @@ class _Scale:
         """The answer's value, on the scale."""
         return float(self.places[_VALUE])
 
-    def at(self, below: float, above: float) -> tuple[float, float]:
-        """The quantity (SI) at two distances from the value on the scale; infinite distances give infinite ends."""
+    def about(self, arms: FloatArray, bias: float) -> tuple[float, float]:
+        """Ends (SI) of an interval with `arms` (2,) down and up about the value shifted by `bias`, on the scale.
+
+        They enclose the value; infinite arms give infinite ends.
+        """
+        below, above = max(float(arms[0]) - bias, 0.0), max(float(arms[1]) + bias, 0.0)
         lowest, highest = self.possible
         low = max(self.physical(self.value - below), lowest) if math.isfinite(below) else -math.inf
         high = min(self.physical(self.value + above), highest) if math.isfinite(above) else math.inf
@@ -129,7 +133,8 @@ class Statement:
         require_level(level)
         key = (name, level)
         if key not in self._answers:
-            self._answers[key] = self._found(self._scale(name, level), level)
+            scale = self._of_parameter if name in self.fit.names else self._of_derived
+            self._answers[key] = self._found(scale(name, level), level)
         return self._answers[key]
 
     @cached_property
@@ -196,9 +201,6 @@ class Statement:
             self._followed[level] = derived_quantities(problem, problem.physical(vectors))
         return self._followed[level]
 
-    def _scale(self, name: str, level: float) -> _Scale:
-        return self._of_parameter(name, level) if name in self.fit.names else self._of_derived(name, level)
-
     def _of_parameter(self, name: str, level: float) -> _Scale:
         index = self.fit.names.index(name)
         coordinate, places = self.fit.problem.coordinates[index], self._places[:, index]
@@ -244,79 +246,67 @@ class Statement:
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """The answer: statistical and systematic part added in quadrature on the scale, and the budget's rows."""
-        below, above = max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)
+        seen = np.array([max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)])
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
-        arms = {source: times * own for source, own in self._arms(scale).items()}
-        systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
-        biases = self._biases(scale)
-        bias = sum(biases.values())
-        low, high = scale.at(
-            max(math.hypot(below, systematic[0]) - bias, 0.0),
-            max(math.hypot(above, systematic[1]) + bias, 0.0),
+        arms = [times * own for own in self._arms(scale)]
+        # Mean shifts by the sources of systematic error.
+        biases = scale.places[len(scale.places) - len(self.sources) :] - scale.value
+        systematic = np.sqrt(sum((own * own for own in arms), np.zeros(2)))
+        both = np.array([math.hypot(*own) for own in zip(seen, systematic, strict=True)])
+        bias, total = (
+            sum(biases.tolist()),
+            float(seen[0] ** 2 + seen[1] ** 2) + float(systematic @ systematic),
         )
-        value = scale.physical(scale.value)
-        total = below**2 + above**2 + float(systematic @ systematic)
-        rows = [_row(scale, (NOISE, "", "seen"), np.array([below, above]), 0.0, total)]
+        rows = [_row(scale, (NOISE, "", "seen"), seen, 0.0, total)]
         rows += [
-            _row(scale, (source.name, source.size, source.origin), own, biases[source], total)
-            for source, own in arms.items()
+            _row(scale, (source.name, source.size, source.origin), own, shift, total)
+            for source, own, shift in zip(self.sources, arms, biases.tolist(), strict=True)
         ]
-        rows.sort(key=lambda row: -row.share)
+        name, value = scale.name, scale.physical(scale.value)
         return Answer(
-            scale.name,
+            name,
             value,
-            low,
-            high,
+            *scale.about(both, bias),
             level,
             scale.unit,
-            Interval(scale.name, level, value, *scale.at(below, above)),
-            Interval(
-                scale.name,
-                level,
-                value,
-                *scale.at(max(systematic[0] - bias, 0.0), max(systematic[1] + bias, 0.0)),
-            ),
-            tuple(rows),
+            Interval(name, level, value, *scale.about(seen, 0.0)),
+            Interval(name, level, value, *scale.about(systematic, bias)),
+            tuple(sorted(rows, key=lambda row: -row.share)),
             self._notes(scale),
         )
 
-    def _arms(self, scale: _Scale) -> dict[Source, FloatArray]:
+    def _arms(self, scale: _Scale) -> list[FloatArray]:
         """How far each source of systematic error moves the quantity down and up on the scale, (2,).
 
         The independent rows of a source add in quadrature.
         """
-        arms, first = {}, _FIRST_MOVE
+        arms, first = [], _FIRST_MOVE
         for source in self.sources:
             shape = source.moves.shape[:2]
             count = shape[0] * shape[1]
             ends = scale.places[first : first + count].reshape(shape) - scale.value
             down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
-            arms[source], first = np.sqrt([down @ down, up @ up]), first + count
+            arms.append(np.sqrt([down @ down, up @ up]))
+            first += count
         return arms
-
-    def _biases(self, scale: _Scale) -> dict[Source, float]:
-        """Mean shift of the quantity by each source of systematic error, on the scale."""
-        middles = scale.places[len(scale.places) - len(self.sources) :] - scale.value
-        return dict(zip(self.sources, middles.tolist(), strict=True))
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
         """Sentences on what was corrected in the value, with the value before the correction."""
-        notes = []
         plain = float(scale.places[_PLAIN])
-        if plain != scale.value:
-            taken_out = " and ".join(
-                words
-                for words, acts in (
-                    ("a force step at contact", max(seen.step for seen in self.reading.seen) > 0.5),
-                    ("a drifting baseline", max(seen.ramp for seen in self.reading.seen) > 0.5),
-                    ("a turn of the baseline", max(seen.turn for seen in self.reading.seen) > 0.5),
-                )
-                if acts
-            )
-            notes.append(
-                f"{taken_out or 'a disturbance'} is taken out; with it in, {scale.physical(plain):.6g}"
-            )
-        return tuple(notes)
+        if plain == scale.value:
+            return ()
+        kinds = {
+            "step": "a force step at contact",
+            "ramp": "a drifting baseline",
+            "turn": "a turn of the baseline",
+        }
+        likely = [
+            words
+            for kind, words in kinds.items()
+            if any(getattr(seen, kind) > 0.5 for seen in self.reading.likelihood.seen)
+        ]
+        taken_out = " and ".join(likely) or "a disturbance"
+        return (f"{taken_out} is taken out; with it in, {scale.physical(plain):.6g}",)
 
 
 def _row(
@@ -327,7 +317,7 @@ def _row(
     `said` is its name, size and origin, `own` (2,) how far it moves the quantity down and up about its mean shift
     `bias`, and `total` the variance of all sources on the scale.
     """
-    low, high = scale.at(max(float(own[0]) - bias, 0.0), max(float(own[1]) + bias, 0.0))
+    low, high = scale.about(own, bias)
     value, square = scale.physical(scale.value), float(own @ own)
     share = 1.0 if not math.isfinite(square) else square / total if 0.0 < total < math.inf else 0.0
     return Contribution(*said, value - low, high - value, share)
