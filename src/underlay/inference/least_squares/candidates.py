@@ -25,10 +25,12 @@ EXPLAINED = 1.4
 # grid point, 0.55 apart in ln h and 2.3 in the logarithm of a ratio; the modulus goes with h^3 along the valley of
 # a thin layer. What lies beyond is found from another start.
 _REACH, _MODULUS_REACH = 0.6, 2.5
-# Minima closer than `_ONE_PLACE` in every scaled parameter are one; a search whose next step leads within
-# `_ON_THE_WAY` standard errors of a minimum that explains the data is taken to end there; a minimum whose
-# chi-square on the blocks is higher than the best by `_MAY_BE` is not the best on all readings.
-_ONE_PLACE, _ON_THE_WAY, _MAY_BE = 0.05, 2.0, 30.0
+#: Minima closer than this in every scaled parameter are one; what is as near to the path of a search lies on it.
+ONE_PLACE = 0.05
+# A search whose next step leads within `_ON_THE_WAY` standard errors of a minimum that explains the data is taken
+# to end there; a minimum whose chi-square on the blocks is higher than the best by `_MAY_BE` is not the best on all
+# readings.
+_ON_THE_WAY, _MAY_BE = 2.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,6 @@ def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
 def _near(vector: FloatArray, minima: Sequence[Candidate]) -> bool:
     """Whether a scaled vector (k,) is within 0.05 or two standard errors of a minimum in every parameter."""
     return any(
-        bool((np.abs(vector - other.vector) <= np.maximum(_ONE_PLACE, _ON_THE_WAY * other.deviation)).all())
+        bool((np.abs(vector - other.vector) <= np.maximum(ONE_PLACE, _ON_THE_WAY * other.deviation)).all())
         for other in minima
     )

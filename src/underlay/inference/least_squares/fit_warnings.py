@@ -131,6 +131,8 @@ def _correlated(problem: Problem, covariance: FloatArray) -> Iterator[FitWarning
     product = np.outer(deviation, deviation)
     correlation = np.divide(covariance, product, out=np.zeros_like(product), where=product > 0.0)
     linked = np.abs(correlation) > _STRONG_CORRELATION
+    if not np.triu(linked, 1).any():
+        return
     # Parameters connected by any chain of strong correlations form a group, numbered by its first member.
     reached = np.linalg.matrix_power(linked | np.eye(len(linked), dtype=bool), len(linked))
     group = np.argmax(reached, axis=1)

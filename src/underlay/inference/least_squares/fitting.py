@@ -24,7 +24,7 @@ from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.adhesive import about_left_out, determined, for_all_readings
-from underlay.inference.least_squares.candidates import EXPLAINED, candidates
+from underlay.inference.least_squares.candidates import EXPLAINED, ONE_PLACE, candidates
 from underlay.inference.least_squares.engine import Ahead
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
@@ -35,9 +35,6 @@ from underlay.inference.least_squares.settle import METHODS, Minimiser, Optimum,
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
 
-# A place this near to the path of an earlier search, in every scaled coordinate, lies on it: two minima closer than
-# this are one (`candidates`).
-_ON_IT = 0.05
 # Steps shorter than the first (scaled coordinates) are those at a minimum, which lead in any direction; a step
 # along a path makes an angle with it whose cosine is at least the second.
 _LONG, _ALONG = 0.3, 0.9
@@ -367,5 +364,5 @@ def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
     first, along, lengths = first[long], along[long] / lengths[long, None], lengths[long]
     gone = ((here - first) * along).sum(axis=1)
     offset = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
-    on_it = (np.abs(offset) <= _ON_IT).all(axis=1)
+    on_it = (np.abs(offset) <= ONE_PLACE).all(axis=1)
     return bool((on_it & (along @ step >= _ALONG * np.sqrt(step @ step))).any())

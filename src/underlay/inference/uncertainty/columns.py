@@ -102,12 +102,12 @@ def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
 
     Zeros where no reading is in contact.
     """
-    basis = smooth_basis(v)
+    basis = _smooth_basis(v)
     tops = ((a, max(float(np.abs(a).max()), _TINY)) for a in (tangent.contact, tangent.stiffness))
     return [basis * (a / top)[:, None] for a, top in tops]
 
 
-def smooth_basis(v: FloatArray) -> FloatArray:
+def _smooth_basis(v: FloatArray) -> FloatArray:
     """Columns (n, rank) that span a smooth random function of v, the root of the relative depth, 0 <= v <= 1.
 
     Principal components of a stationary process with correlation exp(-|dv| / 0.5), by interpolation in a table;

@@ -57,12 +57,11 @@ class Node(NamedTuple):
 class Local(NamedTuple):
     """Local expansion of each of the m hypotheses' log-densities at a vector.
 
-    `level` is ln (w_m p_m) there and `best` its largest value anywhere, (m,) each; `pull` (m, k) and `normal` (m,
-    k, k) are gradient and curvature of half a sum of squares, without the prior's.
+    `level` is ln (w_m p_m) there, (m,); `pull` (m, k) and `normal` (m, k, k) are gradient and curvature of half a
+    sum of squares, without the prior's.
     """
 
     level: FloatArray
-    best: FloatArray
     pull: FloatArray
     normal: FloatArray
 
@@ -211,7 +210,7 @@ class Density:
         normal += np.swapaxes(turns, 1, 2) @ weighted
         for one in np.flatnonzero(self._whole):
             pull[one], normal[one] = self._whole_slopes(int(one), places[0])
-        return Local(self.levels(fallen)[0], self.height, pull, normal)
+        return Local(self.levels(fallen)[0], pull, normal)
 
     @property
     def _whole(self) -> NDArray[np.bool_]:

@@ -84,11 +84,6 @@ class Hypotheses:
         """Whether the hypothesis has a step, a ramp or a turn of the baseline, (m,)."""
         return np.asarray((self.step > 0.0) | (self.ramp > 0.0) | (self.family >= TURN))
 
-    @property
-    def misfits(self) -> NDArray[np.bool_]:
-        """Whether the hypothesis has a misfit, smooth in depth, of the contact law, (m,)."""
-        return np.asarray((self.family >= 0) & (self.family < LINE))
-
     def probability(self, which: NDArray[np.bool_]) -> float:
         """Total probability of the hypotheses that a mask (m,) selects."""
         return float(self.weight[which].sum())

@@ -113,8 +113,6 @@ class KnownError:
         Force (N) at amplitude one, (n,), of a `Pressed`.
     mean, deviation : float
         Mean and standard deviation of the normal prior of the amplitude; the deviation positive.
-    told : tuple of str
-        `words` of the errors under which people see this one, where it is part of others; by default its own.
     size : str
         How large it is, as people write it; empty where that is no one number.
 
@@ -128,7 +126,6 @@ class KnownError:
     column: Column
     mean: float = 0.0
     deviation: float = 1.0
-    told: tuple[str, ...] = ()
     size: str = ""
 
     def __post_init__(self) -> None:
@@ -264,8 +261,7 @@ def _both(scene: Scene, depth: float) -> LeftOut:
     is_elastic = scene.adhesion is None and scene.memory is None
     if not (unknown and is_elastic) or why_unmeasured(scene.contact, depth):
         return LeftOut()
-    told = (FRICTION, FINITE_STRAIN)
-    return LeftOut((KnownError(BOTH, _stuck_in_large_strains, mean=0.25, deviation=0.5, told=told),))
+    return LeftOut((KnownError(BOTH, _stuck_in_large_strains, mean=0.25, deviation=0.5),))
 
 
 def _stuck_in_large_strains(test: Pressed) -> FloatArray:

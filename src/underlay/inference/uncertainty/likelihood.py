@@ -19,14 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model.coordinates import FAR
 from underlay.inference.uncertainty.columns import Columns
 from underlay.inference.uncertainty.hypotheses import Hypotheses, weigh, white
 from underlay.inference.uncertainty.mixture import Combined, Mixture, combine, linear_mixture
 from underlay.inference.uncertainty.moments import CurveMoments
-from underlay.inference.uncertainty.noise import NoiseTable, from_cosines, growth, noise_table, white_table
+from underlay.inference.uncertainty.noise import NoiseTable, growth, noise_table, white_table
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
 from underlay.inference.uncertainty.seen import Seen, seen_in
 from underlay.inference.uncertainty.tree import (
@@ -91,22 +90,8 @@ class CurveState:
     @cached_property
     def seen(self) -> Seen:
         """Estimated disturbances of the curve in plain numbers."""
-        model = self.model
-        return seen_in(
-            self.columns, self.tangent, self.hypotheses, self.table, self.growth, model.deviation, model.size
-        )
-
-    def disturbed(self, rng: np.random.Generator) -> FloatArray:
-        """Simulated rows (n,): the model with noise and disturbances drawn from the hypotheses."""
-        own = self.hypotheses
-        one = int(rng.choice(len(own.weight), p=own.weight))
-        n = len(self.model.measured)
-        coefficients = rng.standard_normal((n, 1)) * np.sqrt(self.table.spectra[own.noise[one]])[:, None]
-        noise = from_cosines(coefficients)[:, 0] * np.sqrt(self.growth)
-        sizes = own.sizes(self.columns, one)
-        amplitudes = sizes * rng.standard_normal(len(sizes))
-        disturbance = own.variance[one] ** 0.5 * (noise + self.columns.values @ amplitudes)
-        return np.asarray(self.tangent.force + disturbance)
+        contact, deviation = self.tangent.contact, self.model.deviation
+        return seen_in(self.columns, contact, self.hypotheses, self.table, self.growth, deviation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,10 +245,6 @@ class Likelihood:
         from underlay.inference.uncertainty.ridge import Ridges  # noqa: PLC0415  the closed form serves most curves
 
         return Ridges.of(self)
-
-    def simulate(self, rng: np.random.Generator) -> list[Curve]:
-        """Synthetic curves at the averaged depths of the measured ones, with noise and disturbances drawn anew."""
-        return [state.model.curve(state.disturbed(rng)) for state in self.states]
 
     def _bend(self, entries: NDArray[np.bool_], *, chord: bool = False) -> float:
         """Nonlinearity of the force in the entries of a mask (k,): relative error of a Gauss-Newton step.

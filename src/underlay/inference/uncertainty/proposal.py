@@ -68,7 +68,7 @@ def conditional(density: Density, node: Node, coordinate: int, chosen: Sequence[
     # A straight continuation may promise more than a hypothesis can give.
     gain = np.minimum(0.5 * np.einsum("mi,mi->m", pull, step), _PROMISED)
     level = local.level[chosen]
-    evidence = np.maximum(np.minimum(level + gain, local.best[chosen]), level) + 0.5 * log_det
+    evidence = np.maximum(np.minimum(level + gain, density.height[chosen]), level) + 0.5 * log_det
     evidence += float(density.likelihood.fit.problem.log_prior(node.vector[None])[0])
     reach = np.maximum(np.abs(step).max(axis=1, initial=0.0), 1e-300)
     step = step * np.minimum(1.0, 1.0 / reach)[:, None]

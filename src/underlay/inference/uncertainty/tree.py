@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_readings
 from underlay.inference.model.members import Member
@@ -131,12 +130,10 @@ class CurveModel:
         Rows (..., n) of readings (..., points); whitening and averaging are linear.
     answers : callable
         Rows (..., n) of values that `forward` returns.
-    depth, measured : FloatArray
-        Rows of the depth (m) and of the force in units of `deviation`, (n,).
+    measured : FloatArray
+        Rows of the force in units of `deviation`, (n,).
     deviation : float
         Standard deviation of a row that least squares assumed (N); 1 where rows are whitened.
-    size : int
-        Number of readings in a block.
     least_variance : float
         Variance of a row due to rounding of the readings, in units of deviation^2.
     is_open : bool
@@ -150,10 +147,8 @@ class CurveModel:
     forward: Any
     fold: Callable[[FloatArray], FloatArray]
     answers: Callable[[FloatArray], FloatArray]
-    depth: FloatArray
     measured: FloatArray
     deviation: float
-    size: int
     least_variance: float
     is_open: bool
     size_is_known: bool
@@ -169,9 +164,7 @@ class CurveModel:
 
         if not problem.noise_is_open:
             force, known = whitened(curve.force), not member.scale_is_unknown
-            return cls(
-                problem, member, forward, whitened, whitened, curve.depth, force, 1.0, 1, 0.0, False, known
-            )
+            return cls(problem, member, forward, whitened, whitened, force, 1.0, 0.0, False, known)
         contact = member.values_at(problem.physical(fit.vector))[_CONTACT]
         blocks = Blocks.of(curve.depth, contact)
         depth, deviation = blocks.means(curve.depth), float(sigma[0]) / blocks.size**0.5
@@ -188,14 +181,8 @@ class CurveModel:
         if forward.history is None and member.scene.adhesion is None:
             forward, answers = forward.moved(depth, blocks.means(curve.force)), at_blocks
         # The error of rounding is the same for successive readings: it does not average out within a block.
-        least, force, size = (
-            (resolution(curve.force) / deviation) ** 2 / 12.0,
-            averaged(curve.force),
-            blocks.size,
-        )
-        return cls(
-            problem, member, forward, averaged, answers, depth, force, deviation, size, least, True, False
-        )
+        least, force = (resolution(curve.force) / deviation) ** 2 / 12.0, averaged(curve.force)
+        return cls(problem, member, forward, averaged, answers, force, deviation, least, True, False)
 
     def tangent(self, vector: FloatArray) -> Tangent:
         """Model and derivatives at a scaled vector (k,); raises InputError where no contact law exists."""
@@ -226,10 +213,6 @@ class CurveModel:
     def rows(self, column: FloatArray) -> FloatArray:
         """Rows (n,) of a force (N), (points,), that is added to the curve's readings."""
         return self.fold(np.asarray(column, dtype=np.float64))
-
-    def curve(self, rows: FloatArray) -> Curve:
-        """A curve at the depths of the rows, with the forces `rows` (n,) in units of `deviation`."""
-        return Curve(self.depth, rows * self.deviation)
 
     def _plain(self, values: FloatArray) -> FloatArray:
         """Block averages, in their own units and not whitened, of values at the depths of `forward`."""
