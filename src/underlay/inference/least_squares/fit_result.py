@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Callable, Mapping
@@ -15,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay._files import write_atomic
 from underlay.data.curve import Curve
+from underlay.data.export import write_json
 from underlay.errors import InputError
 from underlay.inference.citation import of_fit, used_by
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
@@ -471,15 +470,4 @@ class Fit:
             "provenance": self.provenance,
             "used": self.used,
         }
-        return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
-
-
-def _finite(value: Any) -> Any:
-    """Copy of a document with None in place of infinite numbers and NaN, which JSON cannot hold."""
-    if isinstance(value, Mapping):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        return write_json(document, path)

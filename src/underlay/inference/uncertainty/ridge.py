@@ -2,7 +2,7 @@
 
 A walk from the optimum lays nodes along the ridge (`Walk`); at each of them every hypothesis has its
 distribution of the other entries (`proposal`). Draws come from their interpolation and are weighed by the
-density itself (`density`); further rounds follow where one ridge does not hold them (`adapt`). Interval,
+density itself (`density`); further rounds follow where one ridge does not hold them (`proposal`). Interval,
 posterior, map row and corner plot are read from these draws; Pareto's k says whether they can be.
 """
 
