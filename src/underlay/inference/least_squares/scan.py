@@ -61,7 +61,8 @@ _SCAN_RTOL = 1e-2
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BETWEEN = 8  # steps from a thickness tried to the next
 # Of the three points that a parabola goes through: each, and the two others.
-_OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
+_OWN = np.arange(3)
+_NEXT, _LAST = np.roll(_OWN, -1), np.roll(_OWN, 1)
 _BLOCKS = 16  # blocks of a curve: enough to tell a contact to a grid step
 # Share of the largest depth of a law that the first contact tried may ask for: other thicknesses reach less deep.
 _REACH = 0.9

@@ -173,10 +173,7 @@ class Likelihood:
             law = state.columns.values[:, state.columns.law]
             pulls += law.T @ state.model.rows(column)
             normal += law.T @ law
-        kept = np.flatnonzero(self.determined & ~held(self.fit))
-        found = np.zeros(len(pulls))
-        found[kept] = least_norm(normal[kept[:, None], kept] + np.diag(self.priors[kept]), pulls[kept])
-        return found
+        return _least_norm(normal + np.diag(self.priors), pulls, self.determined & ~held(self.fit))
 
     @cached_property
     def priors(self) -> FloatArray:
@@ -276,9 +273,7 @@ class Likelihood:
         for state, (force, columns) in zip(self.states, asked, strict=True):
             pull += columns.T @ (state.tangent.force - force)
             normal = normal + columns.T @ columns
-        kept = np.flatnonzero(self.determined)
-        step = np.zeros(k)
-        step[kept] = least_norm(normal[kept[:, None], kept], pull[kept])
+        step = _least_norm(normal, pull, self.determined)
         return float(abs(away[i] + step[i]) / abs(away[i]))
 
     def _chords(self, there: FloatArray) -> list[tuple[FloatArray, FloatArray]] | None:
@@ -301,9 +296,11 @@ class Likelihood:
         return found
 
 
-def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Least-norm solution (k,) of a symmetric system that may be singular.
+def _least_norm(matrix: FloatArray, right: FloatArray, which: NDArray[np.bool_]) -> FloatArray:
+    """Least-norm solution (k,) of a symmetric system that may be singular, in the entries of a mask (k,).
 
     Parameters with the same effect then share it equally.
     """
-    return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)
+    kept, found = np.flatnonzero(which), np.zeros(len(right))
+    found[kept] = np.linalg.pinv(matrix[kept[:, None], kept], hermitian=True) @ right[kept]
+    return found

@@ -40,8 +40,6 @@ _FARTHEST = 6.0
 _STEP = 1e-5
 # Logarithm of a ratio beyond which a float overflows.
 _HIGHEST = 700.0
-# Indices of the first rows of `Statement._places`: the answer's value, least squares, and the first shift.
-_VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +71,7 @@ class _Scale:
     @property
     def value(self) -> float:
         """The answer's value, on the scale."""
-        return float(self.places[_VALUE])
+        return float(self.places[0])
 
     def about(self, arms: FloatArray, bias: float) -> tuple[float, float]:
         """Ends (SI) of an interval with `arms` (2,) down and up about the value shifted by `bias`, on the scale.
@@ -205,7 +203,7 @@ class Statement:
         index = self.fit.names.index(name)
         coordinate, places = self.fit.problem.coordinates[index], self._places[:, index]
         low, high = (
-            end if abs(end - places[_VALUE]) < _FARTHEST else math.copysign(math.inf, end - places[_VALUE])
+            end if abs(end - places[0]) < _FARTHEST else math.copysign(math.inf, end - places[0])
             for end in self.reading.interval(index, level)
         )
         unit = KINDS[kind_of(name)].si
@@ -217,12 +215,12 @@ class Statement:
         if not declared(coordinate.path).from_zero:
             return _Scale(name, unit, low, high, places, physical, coordinate.quantity.bounds)
         # Its errors add in the plain value: in logarithms small errors near zero become factors of 100.
-        own, top = physical(places[_VALUE]), physical(high)
+        own, top = physical(places[0]), physical(high)
         slope = float(self.fit.problem.slopes(self.reading.corrected)[index])
         # Within two standard deviations of zero, judged by the upper end, which no prior sets, it has an upper
         # bound only.
         floor = 0.0 if top >= 2.0 * own else physical(low)
-        straight = own + slope * (places - places[_VALUE])
+        straight = own + slope * (places - places[0])
         return _Scale(name, unit, floor, top, straight, lambda number: max(float(number), 0.0))
 
     def _of_derived(self, name: str, level: float) -> _Scale:
@@ -280,7 +278,7 @@ class Statement:
 
         The independent rows of a source add in quadrature.
         """
-        arms, first = [], _FIRST_MOVE
+        arms, first = [], 2
         for source in self.sources:
             shape = source.moves.shape[:2]
             count = shape[0] * shape[1]
@@ -292,7 +290,7 @@ class Statement:
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
         """Sentences on what was corrected in the value, with the value before the correction."""
-        plain = float(scale.places[_PLAIN])
+        plain = float(scale.places[1])
         if plain == scale.value:
             return ()
         kinds = {

@@ -55,8 +55,8 @@ _CHANGED_HALF_SPACE = math.log(1.20)
 _RISE, _TENTH = 0.03, 0.1
 # Share of a misfit in the first fifth of the depth from which contact is judged to be gradual.
 _FOOT = 0.7
-# Probabilities from which a step or a ramp is reported, and the shares of the largest force that they must exceed.
-_LIKELY, _STEP, _RAMP = 0.9, 0.02, 0.02
+# Probability from which a step, a ramp or a turn is reported, and the share of the largest force that it must pass.
+_LIKELY, _VISIBLE = 0.9, 0.02
 # Share of the variance due to one input, and half width of the interval, from which that input is reported.
 _ONE_INPUT, _WIDE = 0.8, 0.30
 # 1/Jm of soft tissue, the middle of its prior (the study of stiffening layers, section 3).
@@ -388,7 +388,7 @@ def _why_wide(fit: Fit, reading: Reading) -> _Remedy:
         if caused := _cause_in_curve(fit, i):
             return caused
         peak = float(abs(fit.curves[i].force).max())
-        drifts = max(abs(seen.ramp_force), seen.turn_force) > _RAMP * peak
+        drifts = max(abs(seen.ramp_force), seen.turn_force) > _VISIBLE * peak
         # Likelier than not.
         if not _slopes(fit) and drifts and seen.ramp + seen.turn > 0.5:
             return ("a baseline that may drift, or bend", *_FIT_SLOPE)
@@ -422,7 +422,7 @@ def _of_inputs(answers: Sequence[Answer]) -> Iterator[Advice]:
 # --- the readings -------------------------------------------------------------------------------------------
 def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     peak = float(abs(fit.curves[i].force).max())
-    if seen.step > _LIKELY and abs(seen.step_force) > _STEP * peak and fit.scenes[i].adhesion is None:
+    if seen.step > _LIKELY and abs(seen.step_force) > _VISIBLE * peak and fit.scenes[i].adhesion is None:
         yield Advice(
             CHECK,
             f"the force jumps at contact by {format_quantity(seen.step_force, 'force', digits=2)}",
@@ -430,14 +430,14 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             "fit with adhesion, or leave out the first 5 % of the force",
             ("curve.fit_from", "5 % of force"),
         )
-    if seen.ramp > _LIKELY and abs(seen.ramp_force) > _RAMP * peak:
+    if seen.ramp > _LIKELY and abs(seen.ramp_force) > _VISIBLE * peak:
         yield Advice(
             CHECK,
             f"the baseline drifts by {format_quantity(seen.ramp_force, 'force', digits=2)} over the record",
             "thermal drift, or drag of the approach",
             *_FIT_SLOPE,
         )
-    if seen.turn > _LIKELY and seen.turn_force > _RAMP * peak:
+    if seen.turn > _LIKELY and seen.turn_force > _VISIBLE * peak:
         yield Advice(
             CHECK,
             f"the baseline turns during the record, by {format_quantity(seen.turn_force, 'force', digits=2)}",
