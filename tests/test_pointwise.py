@@ -8,7 +8,7 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured
-from underlay.inference.pointwise.explained import Body, halfspace_of
+from underlay.inference.pointwise import Body, halfspace_of
 from underlay.report import details as pointwise_tables
 from underlay.report import screen
 

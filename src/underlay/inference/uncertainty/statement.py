@@ -168,7 +168,7 @@ class Statement:
 
     def modulus_by_depth(self, curve: int, points: int, level: float) -> PointwiseModulus:
         """Young's modulus fitted at each depth of one curve; see `Fit.modulus_by_depth`."""
-        from underlay.inference.pointwise.modulus import modulus_by_depth  # noqa: PLC0415  few ask
+        from underlay.inference.pointwise import modulus_by_depth  # noqa: PLC0415  few ask
 
         return modulus_by_depth(self.fit, curve=curve, points=points, level=level)
 
