@@ -32,15 +32,12 @@ from numpy.typing import NDArray
 from scipy import interpolate, special
 
 from underlay._arrays import FloatArray
-from underlay._given import require_given
 from underlay.data.segments import LOADING
 from underlay.errors import CurveError, InputError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.fitting import fit as least_squares_fit
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
-from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import KINDS, ModulusCurve, PointwiseModulus
 from underlay.inference.uncertainty.verdict import SURE, change_with_depth
 from underlay.mechanics.body import Layer
@@ -57,56 +54,6 @@ _KNOWN = 1.0
 # ln share; a cubic through rungs ln 30 / 8 apart is within 2e-5 of it, one of ln dP/dw within 5e-5
 # (test_pointwise.py holds both).
 _REACH, _RUNGS = 30.0, 17
-
-
-def pointwise_modulus(
-    result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
-) -> PointwiseModulus:
-    """Compute the modulus of the layer separately at every depth of a curve.
-
-    It is the fit's modulus, times the ratio of the elastic moduli by which data and fitted model are reproduced
-    there. For an elastic sample that is the modulus by which the force is reproduced; what a sample with memory has
-    relaxed by then is in both.
-
-    Parameters
-    ----------
-    result : Fit or Problem
-        Gives contact point, baseline and everything but the layer's modulus; a problem is fitted first.
-    curve : int, default 0
-        Which curve of a joint fit.
-    points : int, default 30
-        Largest number of depths; each uses eight points of the curve or more.
-    level : float, default 0.95
-        Confidence of the intervals. They include the noise of the points about each depth and the uncertainty of
-        the fitted parameters, under the noise that `Fit.interval` assumes.
-
-    Returns
-    -------
-    PointwiseModulus
-        Depths at which the interval is narrower than twice the modulus, which excludes the first after contact.
-
-    Raises
-    ------
-    InputError
-        If the tip adheres, or the curve is not one of the fit.
-    CurveError
-        If the modulus is determined at no depth.
-
-    Examples
-    --------
-    >>> import numpy as np, underlay as ul
-    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
-    >>> curve = ul.synthesize(scene, np.linspace(0.0, 1e-4, 400), ul.Noise(force=1e-4), rng=0)
-    >>> fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-4)))
-    >>> found = ul.pointwise_modulus(fit)
-    >>> bool(np.all(np.abs(found.apparent.modulus[10:] / 1e6 - 1.0) < 0.01))
-    True
-    >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
-    True
-    """
-    require_given(result, "result", Fit, Problem)
-    fit = least_squares_fit(result) if isinstance(result, Problem) else result
-    return modulus_by_depth(fit, curve=curve, points=points, level=level)
 
 
 def _bins(fit: Fit, curve: int, contact: float, most: int) -> tuple[NDArray[np.intp], ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.mixture import Mixture, weighted_quantiles
 
 if TYPE_CHECKING:
-    from underlay.inference.uncertainty.likelihood import Likelihood
     from underlay.inference.uncertainty.ridge import Ridge
 
 # Default number of draws of a result in closed form.
@@ -30,7 +29,7 @@ class Reading(ABC):
         The curves of a fit, with the probabilities of what may disturb them.
     """
 
-    likelihood: Likelihood
+    likelihood: Any
 
     @property
     def value(self) -> FloatArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from underlay._arrays import FloatArray
 from underlay.inference.uncertainty.density import Density, Node
 from underlay.inference.uncertainty.proposal import Kernels, Pool, Proposal, conditional
 from underlay.inference.uncertainty.tree import NothingDrawnError, noise_entries, straight, tangents
-
-if TYPE_CHECKING:
-    from underlay.inference.uncertainty.likelihood import Likelihood
 
 _DRAWS, _ROUNDS = 1000, 6  # draws of a round; further rounds at most
 _TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k below which, and effective draws from which, draws are trusted
@@ -350,7 +347,7 @@ class Ridges:
     nodes: Sequence[Sequence[Node]]
 
     @classmethod
-    def of(cls, likelihood: Likelihood) -> Ridges:
+    def of(cls, likelihood: Any) -> Ridges:
         """Walk the ridges of a likelihood along its least determined non-linear entry.
 
         Raises
@@ -430,7 +427,7 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
     )
 
 
-def _coordinates(likelihood: Likelihood) -> list[int]:
+def _coordinates(likelihood: Any) -> list[int]:
     """Indices of the entries along which a ridge may be walked, best first.
 
     These are entries in which the force is non-linear: the substrate's modulus, then by falling standard deviation.
@@ -443,7 +440,7 @@ def _coordinates(likelihood: Likelihood) -> list[int]:
     return [*base, *order] or [int(i) for i in likelihood.entries]
 
 
-def _groups(likelihood: Likelihood) -> list[list[int]]:
+def _groups(likelihood: Any) -> list[list[int]]:
     """Group the hypotheses (indices) that share a ridge: those without and those with a correction of the value.
 
     A correction is a step or ramp of the force or a turn of the baseline; one group if such are improbable.
