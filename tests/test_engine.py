@@ -18,6 +18,7 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Places
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+SCENE = layer_on(ul.RIGID)
 BASELINE, NU = "instrument.baseline", "layer.nu"
 
 
@@ -188,17 +189,15 @@ def test_no_search_ends_at_a_bound_that_the_data_pull_away_from():
 
 def test_what_leaves_its_bound_first_is_held_first():
     """A force a hundred thousand times too large: held all at once, the two would end between their bounds."""
-    scene = layer_on(ul.RIGID)
-    curve = exact_curve(scene)
+    curve = exact_curve(SCENE)
     free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
-    found = quick_fit(ul.Problem(scene, ul.Curve(curve.depth, 1e5 * curve.force), free))
+    found = quick_fit(ul.Problem(SCENE, ul.Curve(curve.depth, 1e5 * curve.force), free))
     assert found.values["layer.E"] == pytest.approx(1e8, rel=1e-9)
     assert found.values["instrument.contact_depth"] == pytest.approx(-5e-5, rel=1e-9)
 
 
 def test_bounds_hold_every_place_that_is_asked_for():
-    scene = layer_on(ul.RIGID)
-    p = problem(scene, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(scene, rng=4))
+    p = problem(SCENE, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(SCENE, rng=4))
     asked = []
     objective = Objective(p, freeze(p, p.start, [ul.Noise(force=1e-4)]))
     models = objective.asked.columns
@@ -231,8 +230,7 @@ def test_what_is_held_stays():
 
 
 def test_a_search_cut_short_says_so():
-    scene = layer_on(ul.RIGID)
-    p = problem(scene.with_values({E: 3e6, H: 3e-4}), [E, H, C], exact_curve(scene))
+    p = problem(SCENE.with_values({E: 3e6, H: 3e-4}), [E, H, C], exact_curve(SCENE))
     objective = Objective(p, freeze(p, p.start, [ul.Noise(force=1e-6)]))
     short = minimise(objective, p.start, Search(steps=2))
     assert not short.success

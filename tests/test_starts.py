@@ -15,6 +15,7 @@ from underlay.inference.least_squares.scan_curve import Blocks, blocked_objectiv
 from underlay.inference.least_squares.settle import settle
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+SCENE = layer_on(ul.RIGID)
 BASELINE = "instrument.baseline"
 
 
@@ -85,8 +86,7 @@ def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
 
 
 def test_one_place_is_kept_once():
-    scene = layer_on(ul.RIGID)
-    p = problem(scene, [E, H, C])
+    p = problem(SCENE, [E, H, C])
     start = ul.fit(p).vector
     near = start + np.array([[0.0, 0.0, 0.0], [0.05, 0.04, 0.0], [-0.1, -0.1, 0.0]])
     assert len(candidates(blocked_objective(p, robust=False), near)) == 1

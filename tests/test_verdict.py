@@ -38,20 +38,13 @@ def three_ramps():
 HELD = {name: given for name, given in FREE.items() if name != "layer.E"}
 FAULTS = {
     "none": (measured, FREE, 5e5, "good", "", ()),
-    "a saturated detector": (
-        saturated,
-        FREE,
-        5e5,
-        "reject",
-        "saturated detector",
-        ("curve.fit_to", "95 % of force"),
-    ),
+    "a saturated detector": (saturated, FREE, 5e5, "reject", "saturated", ("curve.fit_to", "95 % of force")),
     "a modulus on its bound": (
         measured,
-        {**FREE, "layer.E": (1e6, 1e8)},
+        FREE | {"layer.E": (1e6, 1e8)},
         2e6,
         "reject",
-        "ended on its lower bound",
+        "its lower bound",
         (),
     ),
     "a modulus that is held": (measured, HELD, 1e6, "reject", "held", ("fit.layer.E", "{}")),

@@ -264,7 +264,7 @@ def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
 def _explains(found: Optimum) -> bool:
     """Whether the model leaves hardly more of the curves than their scatter."""
     problem = found.objective.problem
-    models = found.objective.models(found.vector)
+    models = found.objective.asked.models(problem.physical(found.vector))
     square = sum(
         float(np.square(model - member.force).sum()) / member.scatter**2
         for model, member in zip(models, problem.members, strict=True)
@@ -278,7 +278,9 @@ def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -
     Where lmfit is given it runs from that optimum if the search did not converge, or ended on a plateau.
     """
     robust = lmfit is not None and lmfit.loss is not None
-    best = min(settled, key=lambda optimum: optimum.loss) if len(settled) > 1 else settled[0]
+    best = settled[0]
+    if len(settled) > 1:
+        best = min(settled, key=lambda optimum: optimum.objective.loss(optimum.vector))
     others = [other.vector for other in settled if other is not best]
     if lmfit is not None and not robust:
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):

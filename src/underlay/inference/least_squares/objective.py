@@ -279,7 +279,8 @@ class Objective:
         coordinates = self.problem.coordinates
         #: Entries of a vector that a search varies: not the noise's, and not those held.
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
-        self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
+        #: Those with an informative prior, by which the size of the noise moves the optimum.
+        self.informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
         self._own_entries = [np.array(list(one.entries.values()), dtype=np.intp) for one in self.members]
         # Errors that curves have in common make the residuals of each depend on what any reads.
         self._common = self.problem.common if self.members is self.problem.members else None
@@ -299,11 +300,6 @@ class Objective:
         """Number of points of all curves."""
         return sum(len(member.force) for member in self.members)
 
-    @property
-    def has_measured_priors(self) -> bool:
-        """Whether some prior is informative, so that the size of the noise moves the optimum."""
-        return bool(self._informative)
-
     # --- what lmfit and the results ask -----------------------------------------------------------------
 
     def residuals(self, vector: FloatArray) -> FloatArray:
@@ -320,7 +316,7 @@ class Objective:
         except InputError:
             return self._refused()
         parts = self._whitened([model - one.force for model, one in zip(models, self.members, strict=True)])
-        if self._informative:
+        if self.informative:
             parts.append(self._penalties(physical)[0])
         residuals = np.concatenate(parts) if len(parts) > 1 else parts[0]
         # The sum of squares is finite only if every entry is.
@@ -332,7 +328,7 @@ class Objective:
 
     def _refused(self) -> FloatArray:
         self.failures += 1
-        return np.full(self.points + len(self._informative), self._largest)
+        return np.full(self.points + len(self.informative), self._largest)
 
     def square(self, vector: FloatArray) -> float:
         """Sum of the squared whitened residuals at a scaled vector (k,)."""
@@ -403,10 +399,6 @@ class Objective:
         if self._common is not None:
             normalisation -= self._common.log_determinant
         return self.square(vector) - 2.0 * normalisation
-
-    def models(self, vector: FloatArray) -> list[FloatArray]:
-        """Force readings (N) of every curve at a scaled vector (k,); raises InputError where no law exists."""
-        return self.asked.models(self.problem.physical(vector))
 
     # --- what the engine asks ---------------------------------------------------------------------------
 
@@ -483,17 +475,17 @@ class Objective:
         known = self.problem.coordinates
         return [
             (i, known[i].quantity.power)
-            for i in self._informative
+            for i in self.informative
             if known[i].scale is None and known[i].quantity.power
         ]
 
     @cached_property
     def _linear(self) -> LinearDirections:
-        return LinearDirections.of(self.problem, set(self.active) - set(self._informative))
+        return LinearDirections.of(self.problem, set(self.active) - set(self.informative))
 
     @cached_property
     def _fractions(self) -> Fractions | None:
-        return Fractions.of(self.problem, set(self.active) - set(self._informative), self._linear)
+        return Fractions.of(self.problem, set(self.active) - set(self.informative), self._linear)
 
     def _prior_places(self, vectors: FloatArray, physical: FloatArray) -> Places:
         """Contributions of the informative priors to r'r, J'r and J'J at scaled vectors (s, k).
@@ -502,7 +494,7 @@ class Objective:
         """
         count, k = vectors.shape
         square, gradient, normal = np.zeros(count), np.zeros((count, k)), np.zeros((count, k, k))
-        for row in range(count if self._informative else 0):
+        for row in range(count if self.informative else 0):
             values, slopes = self._penalties(physical[row])
             columns = slopes * self.problem.space.slopes(physical[row])
             square[row], gradient[row] = float(values @ values), values @ columns
@@ -514,12 +506,12 @@ class Objective:
     def _rows(self, columns: list[FloatArray], physical: FloatArray) -> FloatArray:
         """Derivatives of the residuals in the scaled parameters, (k, n + p), from those of each curve in SI."""
         slopes = self.problem.space.slopes(physical)
-        rows = np.zeros((len(slopes), self.points + len(self._informative)))
+        rows = np.zeros((len(slopes), self.points + len(self.informative)))
         end = 0
         for own, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
             rows[entries, end : end + own.shape[1]] = own * slopes[entries, None]
             end += own.shape[1]
-        if self._informative:
+        if self.informative:
             rows[:, end:] = (self._penalties(physical)[1] * slopes).T
         return rows
 
@@ -563,7 +555,7 @@ class Objective:
 
         `physical` are the parameters (k,) in SI, in which the derivatives are taken.
         """
-        which = self._informative
+        which = self.informative
         values, slopes = np.zeros(len(which)), np.zeros((len(which), len(physical)))
         for row, index in enumerate(which):
             values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])

@@ -196,7 +196,7 @@ def _is_settled(objective: Objective, renewed: FrozenNoise, *, robust: bool) -> 
     old = objective.noise
     ratios = [new / before for new, before in zip(renewed.sigmas, old.sigmas, strict=True)]
     common = 1.0
-    if not objective.has_measured_priors and not robust:
+    if not objective.informative and not robust:
         # Without a prior or a loss to weigh against, a common factor of all sigmas moves nothing.
         common = float(np.mean([ratio.mean() for ratio in ratios]))
     alike = all(
@@ -371,11 +371,6 @@ class Optimum:
         count = jacobian.shape[1]
         # As numpy.linalg.qr has it, without the calls.
         return np.asarray(lapack.dgeqrf(jacobian)[0][:count] * np.tri(count).T)
-
-    @cached_property
-    def loss(self) -> float:
-        """Minus twice the log-likelihood at the optimum; see `Objective.loss`."""
-        return self.objective.loss(self.vector)
 
 
 def settle(

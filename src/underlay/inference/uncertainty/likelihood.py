@@ -171,7 +171,7 @@ class Likelihood:
         pulls, normal = np.zeros(len(self.fit.vector)), np.zeros((len(self.fit.vector),) * 2)
         for state, column in zip(self.states, columns, strict=True):
             law = state.columns.values[:, state.columns.law]
-            pulls += law.T @ state.model.rows(column)
+            pulls += law.T @ state.model.fold(np.asarray(column, dtype=np.float64))
             normal += law.T @ law
         return _least_norm(normal + np.diag(self.priors), pulls, self.determined & ~held(self.fit))
 

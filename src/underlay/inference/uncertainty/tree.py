@@ -210,10 +210,6 @@ class CurveModel:
         found = batched_readings(self.forward, values, len(vectors), stiffness=False)
         return self.answers(found.contact), self.answers(found.force), found.possible
 
-    def rows(self, column: FloatArray) -> FloatArray:
-        """Rows (n,) of a force (N), (points,), that is added to the curve's readings."""
-        return self.fold(np.asarray(column, dtype=np.float64))
-
     def _plain(self, values: FloatArray) -> FloatArray:
         """Block averages, in their own units and not whitened, of values at the depths of `forward`."""
         if len(values) == len(self.measured):
