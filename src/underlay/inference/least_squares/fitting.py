@@ -182,7 +182,14 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     began = time.perf_counter()
     places: Sequence[FloatArray] = [problem.start]
     if start == "scan":
-        starts = [Start(_inside(problem, place), misfit) for place, misfit in scan(problem)]
+        # A little inside the bounds: on one the transformed gradient of lmfit's bounded search is zero. Open bounds
+        # are any distance apart, closed ones a hundredth of it at most.
+        low, high = problem.bounds.T
+        room = 0.01 * np.minimum(high - low, 1.0)
+        starts = [
+            Start(np.minimum(np.maximum(place, low + room), high - room), misfit)
+            for place, misfit in scan(problem)
+        ]
         robust = lmfit is not None and lmfit.loss is not None
         alone = None if robust else _explaining(problem, starts)
         if alone is not None:
@@ -345,17 +352,6 @@ def _check(method: str, robust: str | None, start: str) -> None:
             raise InputError(f"unknown {word} {value!r}; known: {', '.join(allowed)}")
     if robust is not None and robust not in LOSSES:
         raise InputError(f"unknown robust loss {robust!r}; known: {', '.join(LOSSES)}, or None")
-
-
-def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
-    """Move a scaled start (k,) a little inside the bounds.
-
-    On a bound the transformed gradient of lmfit's bounded search is zero.
-    """
-    low, high = problem.bounds.T
-    # Open bounds are any distance apart, closed ones a hundredth of it at most.
-    room = 0.01 * np.minimum(high - low, 1.0)
-    return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))
 
 
 def law_bias(fit: Fit) -> float:

@@ -81,12 +81,16 @@ class Columns:
         drifts = np.hstack((np.linspace(-1.0, 1.0, n)[:, None], turns))
         flat = tangent.columns[:, baseline]
         drifts = drifts - flat @ np.linalg.lstsq(flat, drifts, rcond=None)[0]
+        # Of the force P and of dP/dw, each scaled to 1 at its largest; zeros where no reading is in contact.
+        pressed = (tangent.contact, tangent.stiffness)
+        basis = _smooth_basis(v)
+        misfits = [basis * (a / max(float(np.abs(a).max()), _TINY))[:, None] for a in pressed]
         parts = [
             tangent.columns,
             _steps(share),
             drifts[:, :1],
             drifts[:, 1:],
-            *_misfits(tangent, v),
+            *misfits,
             _line(residual, tangent.columns),
             residual[:, None],
         ]
@@ -95,16 +99,6 @@ class Columns:
         law, step, ramp, turn, *families, last = places
         alone = [slice(i, i + 1) for i in range(turn.start, turn.stop)]
         return cls(np.hstack(parts), law, step, ramp, turn, (*families, *alone), last, v, turn_share)
-
-
-def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
-    """Columns (n, rank) of both misfits: of the force P and of dP/dw, each scaled to 1 at its largest.
-
-    Zeros where no reading is in contact.
-    """
-    basis = _smooth_basis(v)
-    tops = ((a, max(float(np.abs(a).max()), _TINY)) for a in (tangent.contact, tangent.stiffness))
-    return [basis * (a / top)[:, None] for a, top in tops]
 
 
 def _smooth_basis(v: FloatArray) -> FloatArray:

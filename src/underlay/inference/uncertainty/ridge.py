@@ -410,7 +410,8 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
             break
         kernels = Kernels.about(pool.vectors, pool.log_weights, entries, rng)
         pool.add(kernels.log_density, kernels.draw(count, fit.vector, rng))
-    bounds = fit.problem.bounds
+    levels = [[float(logsumexp(node.evidence)) for node in own.nodes] for own in proposals]
+    top, bounds = max(max(own) for own in levels), fit.problem.bounds
     inside = ((pool.vectors >= bounds[:, 0]) & (pool.vectors <= bounds[:, 1])).all(axis=1)
     return Ridge(
         draws=pool.vectors,
@@ -419,7 +420,7 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
         log_evidence=float(logsumexp(pool.log_weights) - np.log(len(pool.vectors))),
         pareto=pool.pareto,
         coordinate=ridges.coordinate,
-        ends=_ends(proposals),
+        ends=(max(own[0] for own in levels) - top, max(own[-1] for own in levels) - top),
         bounds=bounds,
         failed=int((inside & ~np.isfinite(pool.levels)).sum()),
         source=source,
@@ -520,10 +521,3 @@ class Source:
         beside = -0.5 * (z * z).sum(axis=0) - np.log(np.diagonal(self.factor)).sum()
         beside -= 0.5 * len(self.noise) * np.log(2.0 * np.pi)
         return np.asarray(logsumexp(logs + np.log(self.shares), axis=1) + beside)
-
-
-def _ends(proposals: Sequence[Proposal]) -> tuple[float, float]:
-    """Log-evidence of all hypotheses at the first and at the last nodes of the ridges, less the largest on any."""
-    levels = [[float(logsumexp(node.evidence)) for node in own.nodes] for own in proposals]
-    top = max(max(own) for own in levels)
-    return max(own[0] for own in levels) - top, max(own[-1] for own in levels) - top
