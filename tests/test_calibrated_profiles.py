@@ -93,7 +93,7 @@ def test_redrawn_curves_have_the_model_the_noise_and_the_priors_of_the_fit():
         redrawn(found.problem, found.vector, found.noises, np.random.default_rng([3, b])) for b in range(300)
     ]
     objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
-    model = objective.models(found.vector)[0]
+    model = objective.asked.models(found.problem.physical(found.vector))[0]
     member, sigma = found.problem.members[0], objective.noise.sigmas[0]
     white = np.array(
         [noise.whiten((p.curves[0].force - model) / sigma, member.curve.time) for p in made]

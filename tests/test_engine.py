@@ -10,15 +10,15 @@ import pytest
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
 from support.posed import CASES, posed
-from underlay.inference.least_squares import lmfit_bridge
 from underlay.inference.least_squares import settle as settling
-from underlay.inference.least_squares.engine import Search, _Running, damped_steps, minimise
+from underlay.inference.least_squares.engine import Running, Search, damped_steps, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Places
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+SCENE = layer_on(ul.RIGID)
 BASELINE, NU = "instrument.baseline", "layer.nu"
 
 
@@ -114,7 +114,7 @@ def test_lmfits_own_result_is_handed_over():
 )
 def test_lmfit_cut_short_hands_over_the_lowest_place_that_it_asked_for(monkeypatch, method, loss):
     # Of lmfit's leastsq the last place is memory that MINPACK has given back; and the last one is seldom the best.
-    monkeypatch.setattr(lmfit_bridge, "_MOST_EVALUATIONS", 8)
+    monkeypatch.setattr(settling, "_MOST_EVALUATIONS", 8)
     pose = posed("rigid")
     objective = Objective(pose, freeze(pose, pose.start, pose.noises(pose.start)))
     asked, residuals = [], objective.residuals
@@ -125,14 +125,14 @@ def test_lmfit_cut_short_hands_over_the_lowest_place_that_it_asked_for(monkeypat
         return found
 
     monkeypatch.setattr(objective, "residuals", told)
-    said = lmfit_bridge.Minimiser(method, loss)(objective, pose.start + 0.5)
-    assert said.result.aborted
+    vector, result = settling.Minimiser(method, loss)(objective, pose.start + 0.5)
+    assert result.aborted
     rho = np.log1p if loss else np.asarray
     sums = [rho(own * own).sum() for _, own in asked]
     best, its = asked[int(np.argmin(sums))]
-    np.testing.assert_array_equal(said.vector, best)
-    assert said.result.chisqr == pytest.approx(float(its @ its), rel=1e-12)
-    assert not said.success
+    np.testing.assert_array_equal(vector, best)
+    assert result.chisqr == pytest.approx(float(its @ its), rel=1e-12)
+    assert not result.success
 
 
 def test_what_would_leave_its_bound_goes_there_and_the_others_to_their_best_beside_it():
@@ -189,17 +189,15 @@ def test_no_search_ends_at_a_bound_that_the_data_pull_away_from():
 
 def test_what_leaves_its_bound_first_is_held_first():
     """A force a hundred thousand times too large: held all at once, the two would end between their bounds."""
-    scene = layer_on(ul.RIGID)
-    curve = exact_curve(scene)
+    curve = exact_curve(SCENE)
     free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
-    found = quick_fit(ul.Problem(scene, ul.Curve(curve.depth, 1e5 * curve.force), free))
+    found = quick_fit(ul.Problem(SCENE, ul.Curve(curve.depth, 1e5 * curve.force), free))
     assert found.values["layer.E"] == pytest.approx(1e8, rel=1e-9)
     assert found.values["instrument.contact_depth"] == pytest.approx(-5e-5, rel=1e-9)
 
 
 def test_bounds_hold_every_place_that_is_asked_for():
-    scene = layer_on(ul.RIGID)
-    p = problem(scene, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(scene, rng=4))
+    p = problem(SCENE, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(SCENE, rng=4))
     asked = []
     objective = Objective(p, freeze(p, p.start, [ul.Noise(force=1e-4)]))
     models = objective.asked.columns
@@ -232,8 +230,7 @@ def test_what_is_held_stays():
 
 
 def test_a_search_cut_short_says_so():
-    scene = layer_on(ul.RIGID)
-    p = problem(scene.with_values({E: 3e6, H: 3e-4}), [E, H, C], exact_curve(scene))
+    p = problem(SCENE.with_values({E: 3e6, H: 3e-4}), [E, H, C], exact_curve(SCENE))
     objective = Objective(p, freeze(p, p.start, [ul.Noise(force=1e-6)]))
     short = minimise(objective, p.start, Search(steps=2))
     assert not short.success
@@ -298,7 +295,9 @@ def test_a_valley_is_left_where_a_step_as_long_as_any_gains_nothing(step, gain, 
     there = replace(
         begin, vector=begin.vector + np.array([step, 0.0, 0.0]), square=begin.square * (1.0 - gain)
     )
-    _, why = _Running.of(begin, low, high, 1e-5).moved(there, Search(endless=5e-4))
+    still = np.zeros(1, dtype=bool)
+    here = Running(np.arange(1), begin, begin, still, still, still, np.array([1e-5]), low, high)
+    _, why = here.moved(there, Search(endless=5e-4))
     assert why == [words]
 
 

@@ -56,11 +56,7 @@ def test_it_is_nil_at_contact_and_before() -> None:
     [
         (BALL, 2e-4, "depths up to 0.3 h; here 0.4 h"),
         (replace(BALL, layer=ul.Layer(ul.Isotropic(1e6, 0.2), 5e-4)), 1e-4, "nu from 0.3; here 0.2"),
-        (
-            replace(BALL, layer=ul.Layer(ul.Isotropic(1e6, 0.4), 4e-4)),
-            1e-4,
-            "layers from 0.5 R thick; here 0.4 R",
-        ),
+        (replace(BALL, layer=ul.Layer(ul.Isotropic(1e6, 0.4), 4e-4)), 1e-4, "layers from 0.5 R thick"),
         (replace(BALL, layer=ul.Layer(ul.Isotropic(1e6, 0.4), 1e-2)), 6e-4, "depths up to 0.5 R; here 0.6 R"),
         (replace(BALL, indenter=ul.Cone(1.2)), 1e-5, "spheres on one isotropic layer"),
         (replace(BALL, substrate=ul.Isotropic(1e7, 0.3)), 1e-5, "rigid bases"),
@@ -108,37 +104,12 @@ def test_what_friction_adds_in_large_strains_lies_within_its_prior(table: int, r
     nu = float(CURVES[table]["nu"].iloc[0])
     scene = ul.Scene(ul.Sphere(1.0 / ratio), ul.Layer(ul.Isotropic(1.0, nu), 1.0), ul.RIGID)
     law = scene.contact_law(0.3)
-    pressed = Pressed(
-        scene.parameters,
-        law,
-        depth,
-        law.force(depth),
-        law.stiffness(depth),
-        made=lambda: scene,
-        by=lambda solver: scene.contact_law(0.3, solver=solver),
-    )
+    pressed = Pressed(scene.parameters, law, depth, law.force(depth), law.stiffness(depth), scene)
     friction, _, both = left_out(scene, 0.2).errors
     small, column = (error.column(pressed) / pressed.force for error in (friction, both))
     amplitude = ((own[1] / own[0]).to_numpy() - 1.0 - small) / column
     assert (np.abs(amplitude - both.mean) < 2.0 * both.deviation).all()
     assert np.abs(amplitude).max() > 0.1
-
-
-def stuck_fit(scene: ul.Scene, *, noise: ul.Noise | None = None, share: float = 1.0) -> ul.Fit:
-    """A curve with a share of full friction, contact radius 0.85 h, fitted by a scene; 0.3 % noise."""
-    depth = np.linspace(-5e-5, 1.2e-4, 200)
-    slides, sticks = (replace(BALL, friction=word).force(depth) for word in ("none", "stuck"))
-    scatter = 2e-4 * np.random.default_rng(1).standard_normal(200)
-    force = slides + share * (sticks - slides) + scatter
-    curve = ul.Curve.from_frame(pd.DataFrame({"depth": depth, "force": force}))
-    free = {"layer.E": None, "instrument.contact_depth": None}
-    return ul.fit(ul.Problem(scene, curve, free=free, noise=noise))
-
-
-@pytest.fixture(scope="module")
-def stated() -> ul.Fit:
-    """With the noise stated, so that nothing but the law can explain the residuals."""
-    return stuck_fit(BALL, noise=ul.Noise(force=2e-4))
 
 
 # --- as parameters -----------------------------------------------------------------------------------

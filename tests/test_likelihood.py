@@ -156,7 +156,7 @@ def test_a_thickness_that_the_curve_tells_is_answered_in_closed_form():
     told = with_thickness(1e-3)
     assert told.is_straight
     closed, drawn = told.read(), DrawnReading(told, draw(Ridges.of(told), np.random.default_rng(1), 4000))
-    for i, deviation in enumerate(drawn.deviations):
+    for i, deviation in enumerate(told.mixture.deviations):
         assert closed.interval(i) == pytest.approx(drawn.interval(i), abs=0.2 * deviation)
 
 

@@ -82,6 +82,20 @@ def stated(points, model_error=0.02, rng=1):
     return problem, ul.with_model_error(problem, model_error)
 
 
+def smooth_shares(depth, count=40):
+    """Relative errors of the force that are smooth in depth, 2 % at one standard deviation."""
+    x, rng = np.pi * np.sqrt(depth / depth.max()), np.random.default_rng(2)
+    for _ in range(count):
+        u = rng.standard_normal(3)
+        yield 0.02 * (u[0] + u[1] * np.cos(x) + u[2] * np.sin(x)) / np.sqrt(2.0)
+
+
+def held(problems, curves):
+    """Which of the problems' intervals hold the truth on other curves."""
+    fits = [ul.fit(problem.revised(curves=curves)) for problem in problems]
+    return [1e6 in found.interval("layer.E", part="statistical") for found in fits]
+
+
 def test_a_smooth_error_does_not_average_away():
     few, many = (ul.fit(stated(points)[1]) for points in (40, 1000))
     errors = [found.stderr["layer.E"] / found.values["layer.E"] for found in (few, many)]
@@ -93,21 +107,14 @@ def test_a_smooth_error_does_not_average_away():
 
 def test_a_law_that_is_smoothly_wrong_is_covered_and_noise_in_proportion_does_not():
     problem, wider = stated(200)
-    depth, force = problem.curves[0].depth, problem.curves[0].force
-    x = np.pi * np.sqrt(depth / depth.max())
-    rng, held = np.random.default_rng(2), []
-    for _ in range(40):
-        u = rng.standard_normal(3)
-        share = 0.02 * (u[0] + u[1] * np.cos(x) + u[2] * np.sin(x)) / np.sqrt(2.0)
-        wrong = ul.Curve(depth, force * (1.0 + share))
-        fits = [
-            ul.fit(p.revised(curves=[wrong]))
-            for p in (wider, problem.revised(noise=ul.Noise(force=1e-7, relative=0.02)))
-        ]
-        held.append([1e6 in found.interval("layer.E", part="statistical") for found in fits])
+    (curve,) = problem.curves
+    both = wider, problem.revised(noise=ul.Noise(force=1e-7, relative=0.02))
+    counts = np.zeros(2)
+    for share in smooth_shares(curve.depth):
+        counts += held(both, [ul.Curve(curve.depth, curve.force * (1.0 + share))])
     # 40 of a coverage of 95 % show fewer than 33 once in a thousand times.
-    assert np.sum(held, axis=0)[0] >= 33
-    assert np.sum(held, axis=0)[1] < 25
+    assert counts[0] >= 33
+    assert counts[1] < 25
 
 
 def test_a_model_error_needs_a_noise_that_is_known():
@@ -197,17 +204,13 @@ def test_a_law_that_is_wrong_alike_in_all_curves_is_covered():
     """The same smooth error in four curves: the interval holds; with each curve's own error it must fail."""
     plain, wider = repeated(4)
     each = wider.revised(noise=[replace(n, columns=n.common, common=np.zeros((40, 0))) for n in wider.noise])
-    x = np.pi * np.sqrt(plain.curves[0].depth / plain.curves[0].depth.max())
-    rng, held = np.random.default_rng(2), []
-    for _ in range(40):
-        u = rng.standard_normal(3)
-        share = 0.02 * (u[0] + u[1] * np.cos(x) + u[2] * np.sin(x)) / np.sqrt(2.0)
+    counts = np.zeros(2)
+    for share in smooth_shares(plain.curves[0].depth):
         wrong = [ul.Curve(curve.depth, curve.force * (1.0 + share)) for curve in plain.curves]
-        fits = [ul.fit(problem.revised(curves=wrong)) for problem in (wider, each)]
-        held.append([1e6 in found.interval("layer.E", part="statistical") for found in fits])
+        counts += held((wider, each), wrong)
     # 40 of a coverage of 95 % show fewer than 33 once in a thousand times; of half the width it is 67 %.
-    assert np.sum(held, axis=0)[0] >= 33
-    assert np.sum(held, axis=0)[1] < 33
+    assert counts[0] >= 33
+    assert counts[1] < 33
 
 
 def test_curves_with_other_numbers_of_common_errors_are_refused():
@@ -219,7 +222,5 @@ def test_curves_with_other_numbers_of_common_errors_are_refused():
         ul.LowRankNoise(force=1e-6, common=np.ones(5))
     with pytest.raises(ul.InputError, match="a curve with 5 readings; got 4"):
         ul.LowRankNoise(force=1e-6, columns=np.ones((4, 1)), common=np.ones((5, 1))).whiten(np.zeros(4))
-    assert ul.LowRankNoise(force=1e-6, common=np.ones((5, 1))).of_readings(np.arange(5) > 1).common.shape == (
-        3,
-        1,
-    )
+    noise = ul.LowRankNoise(force=1e-6, common=np.ones((5, 1)))
+    assert noise.of_readings(np.arange(5) > 1).common.shape == (3, 1)

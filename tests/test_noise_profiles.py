@@ -8,12 +8,12 @@ import underlay as ul
 from support.inverse import layer_on, measured
 
 E, C = "layer.E", "instrument.contact_depth"
+SCENE = layer_on(ul.RIGID)
 SIZE, TAU, RELATIVE = "noise.force", "noise.correlation_time", "noise.relative"
 
 
 def test_the_size_of_white_noise_has_the_interval_of_its_restricted_likelihood():
-    scene = layer_on(ul.RIGID)
-    found = ul.fit(ul.Problem(scene, measured(scene, points=60), [E, C, SIZE]))
+    found = ul.fit(ul.Problem(SCENE, measured(SCENE, points=60), [E, C, SIZE]))
     interval = ul.profile(found, SIZE).interval()
     degrees, square = 58, float(np.square(found.residuals[0]).sum())
     estimate = (square / degrees) ** 0.5
@@ -30,9 +30,8 @@ def test_the_size_of_white_noise_has_the_interval_of_its_restricted_likelihood()
 
 
 def test_a_correlation_time_is_the_same_with_the_size_as_a_parameter_or_not():
-    scene = layer_on(ul.RIGID)
-    curve = measured(scene, correlation_time=0.02)
-    alone, both = (ul.fit(ul.Problem(scene, curve, free)) for free in ([E, C, TAU], [E, C, TAU, SIZE]))
+    curve = measured(SCENE, correlation_time=0.02)
+    alone, both = (ul.fit(ul.Problem(SCENE, curve, free)) for free in ([E, C, TAU], [E, C, TAU, SIZE]))
     # Both are at the maximum of one restricted likelihood, found to 1e-5 of ln tau, a ten thousandth of its error.
     assert alone.values[TAU] == pytest.approx(both.values[TAU], rel=1e-4)
     assert alone.noises[0].force == pytest.approx(both.values[SIZE], rel=1e-4)
@@ -42,20 +41,18 @@ def test_a_correlation_time_is_the_same_with_the_size_as_a_parameter_or_not():
 
 
 def test_intervals_of_a_correlation_time_cover():
-    scene = layer_on(ul.RIGID)
     inside = 0
     for seed in range(30):
-        curve = measured(scene, correlation_time=0.02, rng=seed)
-        interval = ul.profile(ul.fit(ul.Problem(scene, curve, [E, C, TAU])), TAU).interval()
+        curve = measured(SCENE, correlation_time=0.02, rng=seed)
+        interval = ul.profile(ul.fit(ul.Problem(SCENE, curve, [E, C, TAU])), TAU).interval()
         inside += interval.low <= 0.02 <= interval.high
     # Of 30 at 95 %, 24 or fewer have probability 0.003.
     assert inside > 24
 
 
 def test_a_part_of_the_noise_that_is_not_there_is_bounded_above_only():
-    scene = layer_on(ul.RIGID)
-    curve = measured(scene, level=0.01)
-    found = ul.fit(ul.Problem(scene, curve, [E, SIZE, RELATIVE], ul.Noise(relative=1e-3, force=1e-3)))
+    curve = measured(SCENE, level=0.01)
+    found = ul.fit(ul.Problem(SCENE, curve, [E, SIZE, RELATIVE], ul.Noise(relative=1e-3, force=1e-3)))
     interval = ul.profile(found, RELATIVE).interval()
     assert interval.low_reason == "none"
     assert interval.high_reason == "data"

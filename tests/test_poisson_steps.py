@@ -25,17 +25,17 @@ def test_a_step_leads_where_it_was_measured_to(nu):
     there = np.zeros((5, 3))
     there[:, 2] = np.linspace(0.0, 0.5 - nu, 5) / unit
     there[0] = [0.3, -0.1, -0.7]
-    course = steps.at(np.zeros((5, 3)))
+    here = np.zeros((5, 3))
+    along = steps.straight(here, there.copy())
     # One half is reached, and not as a limit; downwards a step is what it says.
-    assert course.changes(course.straight(there.copy()), 3.0) == pytest.approx(there, rel=1e-12, abs=1e-14)
-    assert (course.straight(there.copy())[0] == there[0]).all()
+    assert steps.changes(here, along, 3.0) == pytest.approx(there, rel=1e-12, abs=1e-14)
+    assert (along[0] == there[0]).all()
 
 
 def test_a_short_step_is_one_of_the_ratio_and_a_long_one_shorter():
     steps, unit = steps_from(0.4)
-    course = steps.at(np.zeros((2, 3)))
     step = np.array([[0.2, 0.1, 1e-5], [0.2, 0.1, 0.2 / unit]])
-    changes = course.changes(step, 3.0)
+    changes = steps.changes(np.zeros((2, 3)), step, 3.0)
     assert (changes[:, :2] == step[:, :2]).all()
     # Half the square over the room, (1 - 2 nu + 0.13)/2 in nu, is left of it.
     assert changes[0, 2] == pytest.approx(1e-5, rel=1e-5 * unit / 0.165)
@@ -65,7 +65,7 @@ def test_the_force_is_nearly_straight_in_it(base, wide):
     steps, unit = steps_from(0.4)
     there = np.zeros((6, 3))
     there[:, 2] = (ratios - 0.4) / unit
-    along = steps.at(np.zeros((6, 3))).straight(there.copy())[:, 2]
+    along = steps.straight(np.zeros((6, 3)), there.copy())[:, 2]
     assert np.abs(along / along[-1] - share).max() < 0.4 * np.abs(there[:, 2] / there[-1, 2] - share).max()
 
 
@@ -86,7 +86,7 @@ def test_searches_from_too_compressible_a_layer_come_straighter_up(monkeypatch):
         return asked, np.array(squares)
 
     asked, squares = searches()
-    monkeypatch.setattr(Objective, "poissons", None)
+    monkeypatch.setattr(PoissonSteps, "of", lambda *_: None)
     in_nu, same = searches()
     # What the last steps leave of 300 points is a thousandth of a standard error, its square of 300, and some.
     assert squares == pytest.approx(same, rel=1e-6)

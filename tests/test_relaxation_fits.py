@@ -15,9 +15,9 @@ from scipy import optimize
 import underlay as ul
 from support.call_counter import count_calls
 from underlay.inference.least_squares.engine import minimise
-from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import Fractions
 from underlay.inference.least_squares.settle import first_noises
 from underlay.inference.model.forward import Forward
 from underlay.inference.sampling.derived import derived_quantities

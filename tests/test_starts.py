@@ -15,6 +15,7 @@ from underlay.inference.least_squares.scan_curve import Blocks, blocked_objectiv
 from underlay.inference.least_squares.settle import settle
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+SCENE = layer_on(ul.RIGID)
 BASELINE = "instrument.baseline"
 
 
@@ -70,8 +71,7 @@ def test_linear_parameters_are_at_their_best_wherever_it_is_asked():
     gradient = point.gradient
     assert abs(gradient[0] + gradient[3]) < 1e-4 * scale[0]
     assert abs(gradient[4]) < 1e-9 * scale[4]
-    ratio = point.vector[3] - point.vector[0]
-    assert ratio == pytest.approx(0.0, abs=1e-12)
+    assert point.vector[3] - point.vector[0] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(4e6, 0.3)])
@@ -86,12 +86,9 @@ def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
 
 
 def test_one_place_is_kept_once():
-    scene = layer_on(ul.RIGID)
-    p = problem(scene, [E, H, C])
+    p = problem(SCENE, [E, H, C])
     start = ul.fit(p).vector
-    near = [
-        start + offset for offset in (np.zeros(3), np.array([0.05, 0.04, 0.0]), np.array([-0.1, -0.1, 0.0]))
-    ]
+    near = start + np.array([[0.0, 0.0, 0.0], [0.05, 0.04, 0.0], [-0.1, -0.1, 0.0]])
     assert len(candidates(blocked_objective(p, robust=False), near)) == 1
 
 
@@ -224,9 +221,7 @@ def test_a_ball_that_travels_through_air_by_many_radii_finds_its_contact(radius)
 
 def test_bounds_of_the_contact_beyond_the_readings_are_refused():
     made = ul.Scene(ul.Sphere(2.5e-6), ul.Layer(ul.Isotropic(2e3, 0.5)))
-    curve = ul.synthesize(
-        made, np.linspace(-2e-6, 1e-6, 200), ul.Noise(force=1e-11), np.random.default_rng(2)
-    )
+    curve = ul.synthesize(made, np.linspace(-2e-6, 1e-6, 200), ul.Noise(force=1e-11), 2)
     late = replace(made, instrument=ul.Instrument(contact_depth=4e-6))
     with pytest.raises(ul.InputError, match=r"from 3 um to 6 um, and the readings are from -2 um to 1 um"):
         ul.Problem(late, curve, {"layer.E": None, "instrument.contact_depth": (3e-6, 6e-6)})

@@ -22,43 +22,41 @@ def verdict(curve, free=FREE, scene=SCENE, **more):
     return ul.fit(ul.Problem(scene, curve, free, **more)).verdict
 
 
-def test_the_model_of_a_clean_curve_is_good():
-    assert verdict(measured()) == "good"
-
-
-def test_a_flat_top_is_a_saturated_detector():
+def saturated():
     """Readings at the detector's end are all the same."""
-    clean = measured(noise=1e-4)
-    told = verdict(ul.Curve(DEPTH, np.minimum(clean.force, 0.08)))
-    assert told == "reject"
-    assert "saturated detector" in told.cause
-    assert told.setting == ("curve.fit_to", "95 % of force")
+    return ul.Curve(DEPTH, np.minimum(measured(noise=1e-4).force, 0.08))
 
 
-def test_a_modulus_on_its_bound_is_the_cause_of_a_misfit():
-    told = verdict(measured(), {**FREE, "layer.E": (1e6, 1e8)}, SCENE.with_values({"layer.E": 2e6}))
-    assert told == "reject"
-    assert "ended on its lower bound" in told.cause
-    assert not told.setting
-
-
-def test_a_modulus_that_is_held_is_the_cause_of_a_misfit():
-    held = {name: given for name, given in FREE.items() if name != "layer.E"}
-    told = verdict(measured(), held, SCENE.with_values({"layer.E": 1e6}))
-    assert told == "reject"
-    assert told.setting == ("fit.layer.E", "{}")
-
-
-def test_several_loadings_are_named_where_there_are_several():
+def three_ramps():
     """Three ramps to the same depth, each softer than the one before."""
     up = np.linspace(-1e-4, 3e-4, 300)
-    down = up[::-1]
-    depth = np.concatenate((up, down, up, down, up))
     soft = np.repeat([1.0, 1.0, 0.5, 0.5, 0.3], 300)
-    curve = measured(lambda _, force: soft * force, depth=depth, noise=1e-3)
-    told = verdict(curve)
-    assert told == "reject"
-    assert told.setting == ("curve.segment", "ramp 1")
+    depth = np.concatenate((up, up[::-1], up, up[::-1], up))
+    return measured(lambda _, force: soft * force, depth=depth, noise=1e-3)
+
+
+HELD = {name: given for name, given in FREE.items() if name != "layer.E"}
+FAULTS = {
+    "none": (measured, FREE, 5e5, "good", "", ()),
+    "a saturated detector": (saturated, FREE, 5e5, "reject", "saturated", ("curve.fit_to", "95 % of force")),
+    "a modulus on its bound": (
+        measured,
+        FREE | {"layer.E": (1e6, 1e8)},
+        2e6,
+        "reject",
+        "its lower bound",
+        (),
+    ),
+    "a modulus that is held": (measured, HELD, 1e6, "reject", "held", ("fit.layer.E", "{}")),
+    "several loadings": (three_ramps, FREE, 5e5, "reject", "loadings", ("curve.segment", "ramp 1")),
+}
+
+
+@pytest.mark.parametrize(("curve", "free", "begin", "word", "cause", "setting"), FAULTS.values(), ids=FAULTS)
+def test_a_fault_is_named_with_what_to_do_about_it(curve, free, begin, word, cause, setting):
+    told = verdict(curve(), free, SCENE.with_values({"layer.E": begin}))
+    assert (told.word, told.setting) == (word, setting)
+    assert cause in told.cause
 
 
 @pytest.mark.parametrize("seed", [0, 2, 3])

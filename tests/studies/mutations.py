@@ -90,8 +90,8 @@ MISTAKES = (
     Mistake(
         "systematic parts add up as they are, not in quadrature",
         "inference/uncertainty/statement.py",
-        "systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))",
-        "systematic = sum(arms.values(), np.zeros(2))",
+        "systematic = np.sqrt(sum((own * own for own in arms), np.zeros(2)))",
+        "systematic = sum(arms, np.zeros(2))",
         ("test_answer.py",),
     ),
     Mistake(

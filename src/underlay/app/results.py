@@ -31,9 +31,8 @@ from underlay.errors import InputError, gathered_warnings
 from underlay.inference.films import fit_film
 from underlay.inference.from_files import problem_from
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.sampling.run import sample
-from underlay.inference.uncertainty.answer import Answer
+from underlay.inference.uncertainty.answer import Answer, PointwiseModulus
 from underlay.report.details import pointwise_of, write_fit, write_posterior
 from underlay.report.excel import excel_bytes
 from underlay.report.film_tables import film_notes, film_table, write_film

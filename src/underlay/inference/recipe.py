@@ -24,7 +24,7 @@ from underlay.errors import CurveError, InputError
 from underlay.inference.from_files import whole_curve
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import quick_fit
-from underlay.inference.pointwise.explained import halfspace_of
+from underlay.inference.pointwise import halfspace_of
 from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import Paraboloid
 from underlay.scene.noise import Noise

@@ -19,10 +19,9 @@ from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.data.segments import LOADING
 from underlay.errors import UnderlayError
-from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
 from underlay.inference.recipe import steps_to_ours
 from underlay.inference.sampling.derived import kind_of_quantity
-from underlay.inference.uncertainty.answer import NORMAL_95
+from underlay.inference.uncertainty.answer import NORMAL_95, ModulusCurve, PointwiseModulus
 from underlay.report import adhesion_tables, plots, screen, tables
 from underlay.report.labels import label, labelled, listed, start
 from underlay.report.limits import advice, distinct_scenes, rivals

@@ -23,8 +23,8 @@ from underlay._text import one_line
 from underlay._version import VERSION
 from underlay.errors import InputError, missing_extra
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.population.result import Population
+from underlay.inference.uncertainty.answer import PointwiseModulus
 from underlay.quantities import curve_of, numbers_of, path_of
 from underlay.report.tables import fit_table
 from underlay.scene.noise import NoiseModel

@@ -16,8 +16,7 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.result import PointwiseModulus
-    from underlay.inference.uncertainty.answer import Answer
+    from underlay.inference.uncertainty.answer import Answer, PointwiseModulus
     from underlay.scene.scene import Scene
 
 _LAWS = {

@@ -18,8 +18,7 @@ from underlay.report.methods import cited_works, methods_paragraph, sample_words
 from underlay.report.plots.style import in_words
 
 if TYPE_CHECKING:
-    from underlay.inference.pointwise.result import PointwiseModulus
-    from underlay.inference.uncertainty.answer import Answer
+    from underlay.inference.uncertainty.answer import Answer, PointwiseModulus
 
 # Millimetres: two pictures side by side on a sheet of A4.
 _HALF = (90.0, 68.0)

@@ -32,9 +32,9 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.result import PointwiseModulus
     from underlay.inference.sampling.diagnostics import SamplingDiagnostics
     from underlay.inference.sampling.posterior import Posterior
+    from underlay.inference.uncertainty.answer import PointwiseModulus
 
 #: Width of the column of names.
 _LEFT = 16

@@ -1,21 +1,38 @@
-"""Starting points for fits of adhesive contacts, and warnings about curves that do not show the pull-off.
+"""Fits of adhesive contacts: starting points, readings beside a jump of the force, warnings about the pull-off.
 
 A start follows from three features of the curve: the depth of its adhesive dip, the point where it carries no load,
 and its top. For each layer modulus of a coarse grid the work of adhesion is the one whose contact pulls as hard as
 the dip is deep, and the contact point is the one that puts the unloaded contact where the curve crosses its
 baseline. With adhesion the layer's modulus does not scale the force, so it cannot be solved for linearly as `scan`
 does.
+
+Where an adhesive contact breaks, or forms, the force jumps. A reading there is on one side or on the other, and the
+sum of squares jumps as soon as the model has it on the wrong one: no search along derivatives gets over that step.
+Just before a pull-off the force turns as a square root does, with a slope that has no bound: there standard errors,
+which come from slopes, are too small.
+
+The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
+depth of the jump, as all other readings determine that depth. The fit is then made again, until it leaves out what
+it left out before. Both readings stay where the two fix the depth of the jump better than all others do: it lies
+between them, anywhere, which is a standard deviation of their distance over the root of 12. So it is with a contact
+whose modulus and thickness are known only together.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.fit_result import FitWarning
+from underlay.inference.least_squares.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.least_squares.fit_warnings import which_curve
+from underlay.inference.least_squares.models import freeze, misfit_of, with_values
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.laws import quiet_law
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -40,6 +57,12 @@ _CORRECTIONS, _FEW_PER_CENT = 3, 1.0 / 3.0
 _POINTS = 200
 # Share of the readings that are taken to lie before contact.
 _BASELINE_SHARE = 0.05
+# Standard errors of the place of a jump within which a reading is left out.
+_ERRORS = 4.0
+# Length over standard deviation of an even distribution.
+_EVEN = 12.0**0.5
+# Step of a scaled coordinate for the slope of a jump's place: laws are good to 1e-6.
+_STEP = 1e-3
 
 
 class _Marks(NamedTuple):
@@ -93,8 +116,8 @@ def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
         works = _works(first, marks, modulus, works[-1])
         for work in works:
             vector = _vector(problem, marks, modulus, work)
-            if vector is not None and np.isfinite(misfit := _misfit(problem, vector)):
-                ranked.append((misfit, vector))
+            if vector is not None and np.isfinite(square := misfit_of(problem, vector)):
+                ranked.append((square, vector))
     ranked.sort(key=lambda entry: entry[0])
     return [vector for _, vector in ranked[:count]]
 
@@ -161,10 +184,7 @@ def _vector(problem: Problem, marks: list[_Marks], modulus: float, work: float) 
             pulling = np.flatnonzero(forces <= 0.0)
             unloaded = float(depths[pulling[-1]]) if pulling.size else 0.0
             values[ContactDepth.path] = mark.crossing - unloaded
-        for path, entry in member.entries.items():
-            if path in values:
-                coordinate = problem.coordinates[entry]
-                found[entry] = coordinate.scaled(min(max(values[path], coordinate.low), coordinate.high))
+        found = with_values(problem, member, values, found)
     return found
 
 
@@ -193,30 +213,12 @@ def _forces(law: ContactLaw, deepest: float) -> tuple[FloatArray, FloatArray]:
     return depths, law.force(depths[::-1])[::-1]
 
 
-def _misfit(problem: Problem, vector: FloatArray) -> float:
-    """Sum over the curves of their squared residuals over the squared range of force; inf where no law exists."""
-    physical, total = problem.physical(vector), 0.0
-    for member in problem.members:
-        values = member.values_at(physical)
-        try:
-            model = member.forward.reading(values, stiffness=False).force
-        except InputError:
-            return np.inf
-        total += float(((model - member.force) ** 2).sum()) / float(np.ptp(member.force)) ** 2
-    return total
-
-
-def about_adhesion(problem: Problem, vector: FloatArray) -> list[FitWarning]:
+def about_adhesion(problem: Problem, vector: FloatArray) -> Iterator[FitWarning]:
     """Warnings about adhesive curves that end before the pull-off or lie beyond it; none without adhesion."""
-    sticking = [(n, m) for n, m in enumerate(problem.members, start=1) if m.scene.adhesion is not None]
-    physical = problem.physical(vector)
-    warnings = []
-    for number, member in sticking:
-        text = _about(member, physical)
+    for number, member in enumerate(problem.members):
+        text = _about(member, problem.physical(vector)) if member.scene.adhesion is not None else ""
         if text:
-            which = f"curve {number}: " if len(problem.members) > 1 else ""
-            warnings.append(FitWarning("pull-off", which + text))
-    return warnings
+            yield FitWarning("pull-off", which_curve(number, len(problem.members)) + text)
 
 
 def _about(member: Member, physical: FloatArray) -> str:
@@ -238,3 +240,101 @@ def _about(member: Member, physical: FloatArray) -> str:
             "bears the smallest force measured"
         )
     return ""
+
+
+def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
+    """Which readings of each curve to keep, given a fit that places the jumps of the force.
+
+    Parameters
+    ----------
+    found : Fit
+        A fit to all readings of `problem`, or to some of them.
+    problem : Problem
+        The problem with all readings.
+
+    Returns
+    -------
+    list of ndarray of bool (n,)
+        One for each curve: False for a reading beside a jump that the other readings leave on either side of it.
+    """
+    objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
+    rows = objective.jacobian(found.vector)[:, objective.active]
+    begin = np.cumsum([0, *(len(member.force) for member in found.problem.members)])
+    physical, kept = found.problem.physical(found.vector), []
+    for number, (member, whole) in enumerate(zip(found.problem.members, problem.members, strict=True)):
+        keep = np.ones(len(whole.force), dtype=bool)
+        for place, slope in _jumps(found, member, objective.active):
+            used = member.forward.depth_at(member.values_at(physical))
+            others = np.delete(rows, begin[number] + _next_to(used, place), axis=0)
+            # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
+            error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope, rcond=None)[0]))
+            depth = whole.forward.depth_at(member.values_at(physical))
+            near = _next_to(depth, place)
+            if error < float(np.ptp(depth[near])) / _EVEN:
+                keep[near] &= np.abs(depth[near] - place) > _ERRORS * error
+        kept.append(keep)
+    return kept
+
+
+def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> Iterator[FitWarning]:
+    """Warnings about readings left out beside a jump, from masks (n,) of those kept, one per curve."""
+    for number, (member, keep) in enumerate(zip(problem.members, kept, strict=True)):
+        gone = member.forward.depth[~keep]
+        if gone.size:
+            where = format_quantity(float(gone.mean()), "length")
+            what = "1 reading was" if gone.size == 1 else f"{gone.size} readings were"
+            yield FitWarning(
+                "jump",
+                f"{which_curve(number, len(kept))}{what} left out at {where}, beside a jump of the force: the "
+                "others do not tell on which side of it they lie",
+            )
+
+
+def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
+    """Return the statistics with a log-likelihood in which readings left out count as the mean of the others.
+
+    So models which leave out different readings may be compared. `readings` is the number of all readings.
+    """
+    more = statistics.log_likelihood * (readings / statistics.points - 1.0)
+    return replace(
+        statistics,
+        log_likelihood=statistics.log_likelihood + more,
+        aic=statistics.aic - 2.0 * more,
+        bic=statistics.bic - 2.0 * more,
+    )
+
+
+def _next_to(depth: FloatArray, place: float) -> NDArray[np.intp]:
+    """Indices of the depth readings (m), (n,), next to `place` (m): one on either side of it, if any."""
+    apart = depth - place
+    sides = (np.where(side, np.abs(apart), np.inf) for side in (apart > 0.0, apart <= 0.0))
+    return np.array([side.argmin() for side in sides if np.isfinite(side).any()])
+
+
+def _jumps(found: Fit, member: Member, active: list[int]) -> list[tuple[float, FloatArray]]:
+    """Depth readings (m) at which the force of a curve jumps, each with its slopes.
+
+    The slopes are those of the depth (m) in the scaled parameters `active`. Where there is no law a step away they
+    come from the opposite step.
+    """
+    problem, vector = found.problem, found.vector
+    places = _places(problem, member, vector)
+    slopes = np.zeros((len(places), len(active)))
+    for column, step in enumerate(_STEP * np.eye(len(vector))[active]):
+        try:
+            moved = _places(problem, member, vector + step)
+        except InputError:
+            moved = 2.0 * places - _places(problem, member, vector - step)
+        if len(moved) == len(places):
+            slopes[:, column] = (moved - places) / _STEP
+    return list(zip(places.tolist(), slopes, strict=True))
+
+
+def _places(problem: Problem, member: Member, vector: FloatArray) -> FloatArray:
+    """Depth readings (m) at which the force of a curve jumps, at a scaled vector (k,)."""
+    values = member.values_at(problem.physical(vector))
+    chain = Chain.of(values)
+    deepest = float(chain.travel(member.forward.depth_at(values)).max())
+    law = member.forward.law(values, max(deepest, 0.0))
+    travels = np.array(law.jump_travels(0.0 if chain.frame is None else chain.frame.compliance))
+    return travels if chain.contact is None else travels + chain.contact.depth

@@ -25,10 +25,12 @@ EXPLAINED = 1.4
 # grid point, 0.55 apart in ln h and 2.3 in the logarithm of a ratio; the modulus goes with h^3 along the valley of
 # a thin layer. What lies beyond is found from another start.
 _REACH, _MODULUS_REACH = 0.6, 2.5
-# Minima closer than `_ONE_PLACE` in every scaled parameter are one; a search whose next step leads within
-# `_ON_THE_WAY` standard errors of a minimum that explains the data is taken to end there; a minimum whose
-# chi-square on the blocks is higher than the best by `_MAY_BE` is not the best on all readings.
-_ONE_PLACE, _ON_THE_WAY, _MAY_BE = 0.05, 2.0, 30.0
+#: Minima closer than this in every scaled parameter are one; what is as near to the path of a search lies on it.
+ONE_PLACE = 0.05
+# A search whose next step leads within `_ON_THE_WAY` standard errors of a minimum that explains the data is taken
+# to end there; a minimum whose chi-square on the blocks is higher than the best by `_MAY_BE` is not the best on all
+# readings.
+_ON_THE_WAY, _MAY_BE = 2.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,15 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     list of Candidate
         Distinct minima; empty if no start has a contact law.
     """
-    reach = _reach(blocked)
     degrees = max(blocked.points - len(blocked.active), 1)
-    vectors = np.array(starts)
-    low, high = _boxes(blocked, vectors, reach)
+    vectors, coordinates = np.array(starts), blocked.problem.coordinates
+    reach = np.array([_MODULUS_REACH if c.path in (MODULUS, BASE_MODULUS) else _REACH for c in coordinates])
+    reach[list(blocked.problem.noise_entries)] = 0.0
+    low, high = blocked.problem.bounds.T
+    low, high = np.maximum(low, vectors - reach), np.minimum(high, vectors + reach)
     begun = blocked.places(vectors, low, high)
     order = np.argsort(begun.square, kind="stable")[: np.count_nonzero(np.isfinite(begun.square))]
-    begun, low, high = begun.part(order), low[order], high[order]
+    begun, low, high = begun[order], low[order], high[order]
     enough = np.inf
     found: list[Candidate] = []
 
@@ -114,34 +118,15 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
         def ended(row: int, minimum: Minimum, ends: tuple[FloatArray, FloatArray] = ends) -> None:
             nonlocal enough
             at_edge = _at_edge(blocked, minimum.vector, *(end[row] for end in ends))
-            found.append(_candidate(blocked, minimum, degrees, at_edge=at_edge))
-            if found[-1].normal is not None:
-                enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
+            square, normal = minimum.point.square, None
+            if square <= EXPLAINED * blocked.points:
+                normal = minimum.point.normal * (degrees / square)
+                enough = min(enough, square * (1.0 + _MAY_BE / degrees))
+            found.append(Candidate(square, minimum.vector, normal, at_edge))
 
-        descend(blocked, begun.part(group), *ends, _SEARCH, give_up, ended)
+        descend(blocked, begun[group], *ends, _SEARCH, give_up, ended)
     found.sort(key=lambda entry: entry.square)
     return _distinct(found, degrees)
-
-
-def _reach(blocked: Objective) -> FloatArray:
-    """Largest distance (k,) that each scaled parameter may go from its start; zero for parameters of the noise."""
-    coordinates = blocked.problem.coordinates
-    reach = np.array([_MODULUS_REACH if c.path in (MODULUS, BASE_MODULUS) else _REACH for c in coordinates])
-    reach[list(blocked.problem.noise_entries)] = 0.0
-    return reach
-
-
-def _boxes(blocked: Objective, starts: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Limits (s, k) of s searches in the scaled parameters: `reach` (k,) about `starts`, within the bounds."""
-    low, high = blocked.problem.bounds.T
-    return np.maximum(low, starts - reach), np.minimum(high, starts + reach)
-
-
-def _candidate(blocked: Objective, minimum: Minimum, degrees: int, *, at_edge: bool) -> Candidate:
-    point, normal = minimum.point, None
-    if point.square <= EXPLAINED * blocked.points:
-        normal = point.normal * (degrees / point.square)
-    return Candidate(point.square, minimum.vector, normal, at_edge)
 
 
 def _at_edge(blocked: Objective, at: FloatArray, low: FloatArray, high: FloatArray) -> bool:
@@ -180,6 +165,6 @@ def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
 def _near(vector: FloatArray, minima: Sequence[Candidate]) -> bool:
     """Whether a scaled vector (k,) is within 0.05 or two standard errors of a minimum in every parameter."""
     return any(
-        bool((np.abs(vector - other.vector) <= np.maximum(_ONE_PLACE, _ON_THE_WAY * other.deviation)).all())
+        bool((np.abs(vector - other.vector) <= np.maximum(ONE_PLACE, _ON_THE_WAY * other.deviation)).all())
         for other in minima
     )

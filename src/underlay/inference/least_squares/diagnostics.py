@@ -84,6 +84,10 @@ def diagnose(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagn
     n = len(whitened)
     rho = _autocorrelation(whitened)
     runs, expected, probability = _runs(whitened)
+    # 1 + 2 sum rho_k, up to the first pair rho_2m + rho_2m+1 that is not positive.
+    pairs = rho[: 2 * (n // 2)].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0.0)
+    total = 2.0 * float(pairs[: negative[0] if negative.size else None].sum()) - 1.0
     return ResidualDiagnostics(
         points=n,
         rms=float(np.sqrt(np.mean(np.square(force_residuals)))),
@@ -91,7 +95,7 @@ def diagnose(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagn
         runs=runs,
         expected_runs=expected,
         runs_probability=probability,
-        effective_points=n / max(_initial_positive_sum(rho), 1.0),
+        effective_points=n / max(total, 1.0),
     )
 
 
@@ -119,14 +123,6 @@ def _autocorrelation(values: FloatArray) -> FloatArray:
     if not covariance[0] > 0.0:
         return np.concatenate([[1.0], np.zeros(len(values) - 1)])
     return np.asarray(covariance / covariance[0])
-
-
-def _initial_positive_sum(rho: FloatArray) -> float:
-    """1 + 2 sum rho_k of autocorrelations (n,), up to the first pair rho_2m + rho_2m+1 that is not positive."""
-    pairs = rho[: 2 * (len(rho) // 2)].reshape(-1, 2).sum(axis=1)
-    negative = np.flatnonzero(pairs <= 0.0)
-    kept = pairs[: negative[0]] if negative.size else pairs
-    return float(2.0 * kept.sum() - 1.0)
 
 
 def _runs(values: FloatArray) -> tuple[int, float, float]:

@@ -87,9 +87,19 @@ def damped_steps(
             which |= back
             step = _solved(gradient, normal, which, norms, damping)
     beyond = which & ((step < low) | (step > high))
-    held = np.zeros(0)
-    if beyond.any():
-        step, held = _kept_inside(places, step, beyond, which, norms, damping, low, high)
+    at, held = np.zeros_like(step), np.zeros_like(step)
+    while beyond.any():
+        # The parameter that would pass its limit first stops there, and the others go to their best with it fixed.
+        # Stopped all at once they may lead uphill.
+        end = np.where(step > 0.0, high, low)
+        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
+        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
+        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
+        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
+        held, which = np.where(meets, end, held), which & ~meets
+        moved = gradient + (normal @ held[:, :, None])[:, :, 0]
+        step = np.where(over[:, None], held + _solved(moved, normal, which, norms, damping), step)
+        beyond = which & ((step < low) | (step > high))
     length = np.abs(step).max(axis=1, initial=0.0)
     if (length > longest).any():
         step *= (longest / np.maximum(length, longest))[:, None]
@@ -107,55 +117,6 @@ def _outward(gradient: FloatArray, low: FloatArray, high: FloatArray) -> NDArray
     are the changes that are still allowed, all (s, k).
     """
     return ((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0))
-
-
-def _kept_inside(
-    places: Places,
-    step: FloatArray,
-    beyond: NDArray[np.bool_],
-    which: NDArray[np.bool_],
-    norms: FloatArray,
-    damping: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Steps cut to their limits, the other parameters minimised again with the cut ones fixed there.
-
-    Parameters
-    ----------
-    places : Places
-        Points to step from.
-    step : FloatArray
-        Steps that pass a limit in some entry, (s, k).
-    beyond, which : ndarray of bool (s, k)
-        Entries that pass their limit, and all entries that vary.
-    norms : FloatArray
-        Lengths of the derivatives' columns, (s, k).
-    damping : FloatArray
-        As in `damped_steps`, (s,).
-    low, high : FloatArray
-        Limits of the steps, (s, k).
-
-    Returns
-    -------
-    tuple of FloatArray
-        Steps between the limits, and their part in the entries fixed at a limit, zero elsewhere, each (s, k).
-    """
-    at, held, free = np.zeros_like(step), np.zeros_like(step), which
-    while beyond.any():
-        # The parameter that would pass its limit first stops there, and the others go to their best with it fixed.
-        # Stopped all at once they may lead uphill.
-        end = np.where(step > 0.0, high, low)
-        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
-        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
-        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
-        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
-        held, free = np.where(meets, end, held), free & ~meets
-        moved = places.gradient + (places.normal @ held[:, :, None])[:, :, 0]
-        again = held + _solved(moved, places.normal, free, norms, damping)
-        step = np.where(over[:, None], again, step)
-        beyond = free & ((step < low) | (step > high))
-    return step, held
 
 
 def _solved(
@@ -345,87 +306,62 @@ def descend(
     """
     active = np.zeros(len(objective.problem.coordinates), dtype=bool)
     active[objective.active] = True
-    outcome = _Outcome([None] * len(begin.square), give_up, ended)
-    here = _Running.of(begin, low, high, search.damping)
+    found: list[Minimum | None] = [None] * len(begin.square)
+    still = np.zeros(len(found), dtype=bool)
+    damping = np.full(len(found), search.damping)
+    here = Running(np.arange(len(found)), begin, begin, still, still, still, damping, low, high)
+
+    def end(i: int, words: str, vector: FloatArray | None = None, *, success: bool = True) -> None:
+        """Record that search `i` of those that run ended, at its best point or at `vector`."""
+        best, row = here.best.point(i), int(here.rows[i])
+        found[row] = minimum = Minimum(best, best.vector if vector is None else vector, success, words)
+        if ended is not None:
+            ended(row, minimum)
+
     for count in range(search.steps):
         proposed, promised, last = here.proposed(active, search, objective)
-        going = outcome.before_step(count, here, proposed, promised, last)
+        going = _going(here, count, proposed, promised, last, give_up, end)
         if not going.all():
             here, proposed = here.part(going), proposed[going]
         if not len(here.rows):
             break
         here, why = here.moved(objective.places(proposed, here.low, here.high), search)
-        going = outcome.after_step(here, why)
-        if not going.all():
-            here = here.part(going)
-    else:
-        outcome.stopped(here, f"not settled after {search.steps} steps")
-    return outcome.found
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    """Minima found so far (None while a search runs or if abandoned), and the callbacks of `descend`."""
-
-    found: list[Minimum | None]
-    give_up: GiveUp | None
-    ended: Callable[[int, Minimum], None] | None
-
-    def before_step(
-        self, count: int, here: _Running, proposed: FloatArray, promised: FloatArray, last: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Call `give_up` for every search, record those that end now, and return which go on (s,).
-
-        Parameters
-        ----------
-        count : int
-            Steps made so far.
-        here : _Running
-            State of the s searches.
-        proposed : FloatArray
-            Scaled vectors of the next step, (s, k).
-        promised : FloatArray
-            Sums of squares predicted there, (s,).
-        last : ndarray of bool (s,)
-            Searches that end with this step.
-        """
-        going = ~last
-        squares, rows = here.best.square.tolist(), here.rows.tolist()
-        for i, (row, square, promise) in enumerate(zip(rows, squares, promised.tolist(), strict=True)):
-            ahead = Ahead(row, count, square, promise, here.best.vector[i], proposed[i])
-            if self.give_up is not None and self.give_up(ahead):
-                going[i] = False
-            elif last[i]:
-                self._end(here, i, "the next step gains nothing", vector=proposed[i])
-        return going
-
-    def after_step(self, here: _Running, why: list[str]) -> NDArray[np.bool_]:
-        """Record the searches that ended and return which go on (s,).
-
-        `why` gives the reason that each search ended, empty where it did not.
-        """
         for i, words in enumerate(why):
             if words:
-                self._end(here, i, words)
-        return np.array([not words for words in why])
-
-    def stopped(self, here: _Running, words: str) -> None:
-        """Record all searches as ended without success, with `words` as the message."""
+                end(i, words)
+        if any(why):
+            here = here.part(np.array([not words for words in why]))
+    else:
         for i in range(len(here.rows)):
-            self._end(here, i, words, success=False)
-
-    def _end(
-        self, here: _Running, i: int, words: str, *, vector: FloatArray | None = None, success: bool = True
-    ) -> None:
-        best = here.best.point(i)
-        minimum = Minimum(best, best.vector if vector is None else vector, success, words)
-        row = int(here.rows[i])
-        self.found[row] = minimum
-        if self.ended is not None:
-            self.ended(row, minimum)
+            end(i, f"not settled after {search.steps} steps", success=False)
+    return found
 
 
-class _Running(NamedTuple):
+def _going(
+    here: Running,
+    count: int,
+    proposed: FloatArray,
+    promised: FloatArray,
+    last: NDArray[np.bool_],
+    give_up: GiveUp | None,
+    end: Callable[[int, str, FloatArray], None],
+) -> NDArray[np.bool_]:
+    """Which of s searches go on (s,) to the vectors `proposed` (s, k); those whose step is the last end there.
+
+    `count` steps were made so far, and sums of squares `promised` (s,) are predicted. One search after the other:
+    what one of them ends with may lead `give_up` to abandon the next.
+    """
+    going = ~last
+    for i, row in enumerate(here.rows.tolist()):
+        square, vector = float(here.best.square[i]), here.best.vector[i]
+        if give_up and give_up(Ahead(row, count, square, float(promised[i]), vector, proposed[i])):
+            going[i] = False
+        elif last[i]:
+            end(i, "the next step gains nothing", proposed[i])
+    return going
+
+
+class Running(NamedTuple):
     """State of the s searches that have not ended.
 
     Parameters
@@ -456,28 +392,9 @@ class _Running(NamedTuple):
     low: FloatArray
     high: FloatArray
 
-    @classmethod
-    def of(cls, begin: Places, low: FloatArray, high: FloatArray, damping: float) -> Self:
-        """State of all searches at their starting points."""
-        count = len(begin.square)
-        still = np.zeros(count, dtype=bool)
-        return cls(np.arange(count), begin, begin, still, still, still, np.full(count, damping), low, high)
-
-    def part(self, which: NDArray[np.bool_]) -> Self:
-        """State of some of the searches, chosen by a mask (s,) or by indices."""
-        now = self.now.part(which)
-        best = now if self.best is self.now else self.best.part(which)
-        return type(self)(
-            self.rows[which],
-            now,
-            best,
-            self.ventured[which],
-            self.refused[which],
-            self.swung[which],
-            self.damping[which],
-            self.low[which],
-            self.high[which],
-        )
+    def part(self, which: NDArray[np.bool_]) -> Running:
+        """State of some of the searches, chosen by a mask (s,)."""
+        return Running._make(own[which] for own in self)
 
     def proposed(
         self, active: NDArray[np.bool_], search: Search, objective: Objective
@@ -495,9 +412,8 @@ class _Running(NamedTuple):
         """
         here = self.now.vector
         low, high = self.low - here, self.high - here
-        courses = [steps.at(here) for steps in objective.courses]
-        for course in courses:
-            low, high = course.straight(low), course.straight(high)
+        for course in objective.courses:
+            low, high = course.straight(here, low), course.straight(here, high)
         step, gain, length = damped_steps(self.now, self.damping, active, low, high, search.longest)
         little = search.is_little(gain, self.best.square)
         little |= length <= SHORTEST
@@ -509,8 +425,8 @@ class _Running(NamedTuple):
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
         change = step
-        for course in courses:
-            change = course.changes(change, search.longest)
+        for course in objective.courses:
+            change = course.changes(here, change, search.longest)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
 
@@ -549,7 +465,7 @@ class _Running(NamedTuple):
 
         Returns
         -------
-        tuple of _Running and list of str
+        tuple of Running and list of str
             The new state, and why each search ended, empty where it goes on.
         """
         change = there.square - self.best.square
@@ -567,23 +483,15 @@ class _Running(NamedTuple):
         endless |= lower & self.refused & (-change <= search.walled * best.square)
         endless |= lower & self.swung & (-change <= search.swinging * best.square)
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
-        why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
+        reasons = (
+            (little, "the last step gained nothing"),
+            (endless, "the valley goes on and gains nothing"),
+            (stuck, "no step leads further down"),
+        )
+        why = [next((words for flags, words in reasons if flags[i]), "") for i in range(len(little))]
         refused = (there.square == np.inf) | (self.refused & ~lower)
         swung = ~lower & (self.ventured | self.swung)
         found = self._replace(
             now=now, best=best, ventured=ventured, refused=refused, swung=swung, damping=damping
         )
         return found, why
-
-
-def _why(little: bool, endless: bool, stuck: bool) -> str:
-    """Message why a search ended, from three flags; empty where it goes on.
-
-    `little`: the last step gained too little; `endless`: the sum of squares falls on and on without gain; `stuck`:
-    no step leads further down.
-    """
-    if little:
-        return "the last step gained nothing"
-    if endless:
-        return "the valley goes on and gains nothing"
-    return "no step leads further down" if stuck else ""

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay._files import write_atomic
 from underlay.data.curve import Curve
+from underlay.data.export import write_json
 from underlay.errors import InputError
 from underlay.inference.citation import of_fit, used_by
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
-from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import InstrumentModulus, instrument_moduli, provenance
+from underlay.inference.least_squares.settle import METHODS, Minimiser
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.answer import Advice, Answer, Follows, Interval, States, answers_table
+from underlay.inference.uncertainty.answer import (
+    Advice,
+    Answer,
+    Follows,
+    Interval,
+    PointwiseModulus,
+    answers_table,
+)
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities, kind_of
 from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
-
-if TYPE_CHECKING:
-    from underlay.inference.pointwise.result import PointwiseModulus
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,7 @@ class Fit:
     whitened: tuple[FloatArray, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
-    state: Callable[[Fit], States] = field(repr=False)
+    state: Callable[[Fit], Any] = field(repr=False)
     alternatives: tuple[Alternative, ...] = ()
     _lmfit: Any = field(default=None, repr=False)
 
@@ -185,11 +188,11 @@ class Fit:
             return self._lmfit
         objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
         method = self.statistics.method
-        return Minimiser(method if method in METHODS else METHODS[0])(objective, self.vector).result
+        return Minimiser(method if method in METHODS else METHODS[0])(objective, self.vector)[1]
 
     @cached_property
-    def statement(self) -> States:
-        """Likelihood, answers and verdict of the fit, made when first read."""
+    def statement(self) -> Any:
+        """Likelihood, answers and verdict of the fit (`Statement`), made when first read."""
         return self.state(self)
 
     def answer(self, name: str, level: float = 0.95) -> Answer:
@@ -217,7 +220,8 @@ class Fit:
         InputError
             If the name is not fitted and does not follow, or the level is not between 0 and 0.999.
         """
-        return self.statement.answer(name, level)
+        found: Answer = self.statement.answer(name, level)
+        return found
 
     @property
     def answers(self) -> pd.DataFrame:
@@ -285,17 +289,20 @@ class Fit:
         InputError
             If `level` is none, or `of` gives no such quantities.
         """
-        return self.statement.band(of, level)
+        low, middle, high = self.statement.band(of, level)
+        return low, middle, high
 
     @property
     def verdict(self) -> Advice:
         """Verdict on the fit: ``"good"``, ``"check"`` or ``"reject"``, with reason, likely cause and next step."""
-        return self.statement.verdict
+        found: Advice = self.statement.verdict
+        return found
 
     @property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
         """d ln(value) / d ln(input), by fitted parameter and then by number of the scene taken as known."""
-        return self.statement.sensitivity
+        found: Mapping[str, Mapping[str, float]] = self.statement.sensitivity
+        return found
 
     @cached_property
     def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
@@ -463,15 +470,4 @@ class Fit:
             "provenance": self.provenance,
             "used": self.used,
         }
-        return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
-
-
-def _finite(value: Any) -> Any:
-    """Copy of a document with None in place of infinite numbers and NaN, which JSON cannot hold."""
-    if isinstance(value, Mapping):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+        return write_json(document, path)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -65,24 +66,35 @@ def warnings_of(
     alternatives : sequence of Alternative
         Other optima.
     """
-    warnings = []
+    return tuple(
+        chain(
+            _not_fixed(reasons, bounds_hit, statistics),
+            _unfixed(problem, covariance),
+            _correlated(problem, covariance),
+            _second_optima(alternatives),
+            _residuals(correlated, is_weighed=problem.noise_is_open),
+            _law_range(laws),
+            _law_error(problem, covariance, statistics),
+            _file_facts(problem),
+        )
+    )
+
+
+def which_curve(number: int, count: int) -> str:
+    """Begin a sentence about the curve of an index, where there are several."""
+    return f"curve {number + 1}: " if count > 1 else ""
+
+
+def _not_fixed(
+    reasons: Mapping[str, str], bounds_hit: Mapping[str, str], statistics: FitStatistics
+) -> Iterator[FitWarning]:
     if not statistics.success:
-        warnings.append(FitWarning("not-converged", f"the fit did not converge: {statistics.stopped}"))
+        yield FitWarning("not-converged", f"the fit did not converge: {statistics.stopped}")
     for name, bound in bounds_hit.items():
-        warnings.append(FitWarning("bound", f"{name} ended on its {bound}: the data would have it beyond"))
+        yield FitWarning("bound", f"{name} ended on its {bound}: the data would have it beyond")
     for name, reason in reasons.items():
         if name not in bounds_hit:
-            warnings.append(FitWarning("not-fixed", f"{name} has no error bar: {reason}"))
-    return (
-        *warnings,
-        *_unfixed(problem, covariance),
-        *_correlated(problem, covariance),
-        *_second_optima(alternatives),
-        *_residuals(correlated, is_weighed=problem.noise_is_open),
-        *_law_range(laws),
-        *_law_error(problem, covariance, statistics),
-        *_file_facts(problem),
-    )
+            yield FitWarning("not-fixed", f"{name} has no error bar: {reason}")
 
 
 def _file_facts(problem: Problem) -> list[FitWarning]:
@@ -96,41 +108,34 @@ def _file_facts(problem: Problem) -> list[FitWarning]:
     return [FitWarning("file", note) for note in dict.fromkeys(notes)]
 
 
-def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
-    warnings = []
+def _unfixed(problem: Problem, covariance: FloatArray) -> Iterator[FitWarning]:
     deviations = np.sqrt(covariance.diagonal()).tolist()
     for coordinate, deviation in zip(problem.coordinates, deviations, strict=True):
-        if deviation > _UNINFORMATIVE:
-            size = (
-                (f"a factor of {np.exp(deviation):.3g}" if deviation < _BEYOND_SENSE else "beyond any factor")
-                if coordinate.scale is None
-                else f"{deviation:.3g} times its natural range"
-            )
-            warnings.append(
-                FitWarning(
-                    "not-fixed",
-                    f"{coordinate.name} is not determined by these data: its standard error is {size}; measure "
-                    "it otherwise and give it a prior, or add a test (identify, plan)",
-                )
-            )
-    return warnings
+        if deviation <= _UNINFORMATIVE:
+            continue
+        size = f"a factor of {np.exp(deviation):.3g}" if deviation < _BEYOND_SENSE else "beyond any factor"
+        if coordinate.scale is not None:
+            size = f"{deviation:.3g} times its natural range"
+        yield FitWarning(
+            "not-fixed",
+            f"{coordinate.name} is not determined by these data: its standard error is {size}; measure it "
+            "otherwise and give it a prior, or add a test (identify, plan)",
+        )
 
 
-def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
+def _correlated(problem: Problem, covariance: FloatArray) -> Iterator[FitWarning]:
     """One warning for each group of parameters that strong correlations link and that are known only together."""
     if not (covariance.diagonal() > _BADLY_KNOWN**2).any():
-        return []
+        return
     deviation = np.sqrt(np.diag(covariance))
     product = np.outer(deviation, deviation)
-    known = product > 0.0
-    correlation = np.divide(covariance, product, out=np.zeros_like(product), where=known)
+    correlation = np.divide(covariance, product, out=np.zeros_like(product), where=product > 0.0)
     linked = np.abs(correlation) > _STRONG_CORRELATION
     if not np.triu(linked, 1).any():
-        return []
+        return
     # Parameters connected by any chain of strong correlations form a group, numbered by its first member.
     reached = np.linalg.matrix_power(linked | np.eye(len(linked), dtype=bool), len(linked))
     group = np.argmax(reached, axis=1)
-    warnings = []
     for number in np.unique(group):
         members = np.flatnonzero(group == number)
         if len(members) < 2 or not _only_together(covariance[np.ix_(members, members)]):
@@ -139,14 +144,11 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
         i, j = np.unravel_index(int(np.argmax(np.abs(block))), block.shape)
         *others, last = (problem.names[member] for member in members)
         pair = f" of {problem.names[members[i]]} and {problem.names[members[j]]}" if len(others) > 1 else ""
-        warnings.append(
-            FitWarning(
-                "correlated",
-                f"{', '.join(others)} and {last} are known only together (correlation{pair} "
-                f"{block[i, j]:+.4f}); see what identify says of them",
-            )
+        yield FitWarning(
+            "correlated",
+            f"{', '.join(others)} and {last} are known only together (correlation{pair} {block[i, j]:+.4f}); "
+            "see what identify says of them",
         )
-    return warnings
 
 
 def _only_together(covariance: FloatArray) -> bool:
@@ -160,29 +162,24 @@ def _only_together(covariance: FloatArray) -> bool:
     return bool(((single > _BADLY_KNOWN**2) & (alone < _BADLY_KNOWN**2)).any())
 
 
-def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
-    warnings = []
+def _second_optima(alternatives: Sequence[Alternative]) -> Iterator[FitWarning]:
     for entry in alternatives:
         values = ", ".join(
             f"{name} {format_quantity(value, kind_of(name))}" for name, value in entry.values.items()
         )
-        warnings.append(
-            FitWarning(
-                "second-optimum",
-                "another optimum explains the data nearly as well (chi-square "
-                f"{entry.delta_chi_square:.2g} higher): {values}; standard errors say nothing of it, "
-                "a profile calibrated with drawn curves or a posterior does",
-            )
+        yield FitWarning(
+            "second-optimum",
+            "another optimum explains the data nearly as well (chi-square "
+            f"{entry.delta_chi_square:.2g} higher): {values}; standard errors say nothing of it, "
+            "a profile calibrated with drawn curves or a posterior does",
         )
-    return warnings
 
 
-def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: bool) -> list[FitWarning]:
+def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: bool) -> Iterator[FitWarning]:
     """One warning per curve with correlated residuals.
 
     `is_weighed` says that the intervals allow for the correlation.
     """
-    warnings = []
     # A correlation time alone is no better: with white noise on top, the rule, its intervals are too narrow.
     advice = (
         "the intervals allow for it"
@@ -191,29 +188,21 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: 
     )
     for number, entry in enumerate(correlated):
         if entry is not None:
-            which = f"curve {number + 1}: " if len(correlated) > 1 else ""
-            warnings.append(
-                FitWarning(
-                    "correlated-residuals",
-                    f"{which}the residuals are correlated (lag-one correlation {entry.lag_one:.2f}, "
-                    f"{entry.runs} runs where {entry.expected_runs:.0f} are expected): {entry.points} points "
-                    f"count as {entry.effective_points:.0f} independent ones, so the standard errors "
-                    f"are too small by a factor of about {entry.too_narrow_by:.1f}; {advice}",
-                )
+            yield FitWarning(
+                "correlated-residuals",
+                f"{which_curve(number, len(correlated))}the residuals are correlated (lag-one correlation "
+                f"{entry.lag_one:.2f}, {entry.runs} runs where {entry.expected_runs:.0f} are expected): "
+                f"{entry.points} points count as {entry.effective_points:.0f} independent ones, so the standard "
+                f"errors are too small by a factor of about {entry.too_narrow_by:.1f}; {advice}",
             )
-    return warnings
 
 
-def without_contact(problem: Problem, residuals: Sequence[FloatArray]) -> tuple[FitWarning, ...]:
+def without_contact(problem: Problem, residuals: Sequence[FloatArray]) -> Iterator[FitWarning]:
     """One warning per curve without contact (`no_contact`), from the residuals of its force (N), (n,)."""
-    warnings = []
-    for number, (member, residual) in enumerate(zip(problem.members, residuals, strict=True), start=1):
-        which = f"curve {number}: " if len(residuals) > 1 else ""
-        square = float(residual @ residual)
-        reason = no_contact(member.forward.depth, member.force, square, problem.names)
+    for number, (member, residual) in enumerate(zip(problem.members, residuals, strict=True)):
+        reason = no_contact(member.forward.depth, member.force, float(residual @ residual), problem.names)
         if reason:
-            warnings.append(FitWarning(NO_CONTACT, f"{which}{reason}"))
-    return tuple(warnings)
+            yield FitWarning(NO_CONTACT, which_curve(number, len(residuals)) + reason)
 
 
 def no_contact(depth: FloatArray, force: FloatArray, square: float, names: Iterable[str]) -> str:
@@ -241,20 +230,16 @@ def no_contact(depth: FloatArray, force: FloatArray, square: float, names: Itera
     return f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
 
 
-def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
+def too_deep(problem: Problem, physical: FloatArray) -> Iterator[FitWarning]:
     """One warning per curve whose tip goes deeper than the layer is thick, at parameter values (SI), (k,)."""
-    warnings = []
     for member in problem.members:
         values = member.values_at(physical)
         doubt = DeeperThanLayer.of(_deepest(member, values), values["layer.thickness"])
         if doubt is not None:
-            warnings.append(FitWarning("too-deep", str(doubt)))
-    return tuple(warnings)
+            yield FitWarning("too-deep", str(doubt))
 
 
-def ignored_sides(
-    problem: Problem, physical: FloatArray, laws: Sequence[ContactLaw]
-) -> tuple[FitWarning, ...]:
+def ignored_sides(problem: Problem, physical: FloatArray, laws: Sequence[ContactLaw]) -> Iterator[FitWarning]:
     """One warning per curve whose layer has a finite width that its law neglects although it matters.
 
     Parameters
@@ -266,7 +251,6 @@ def ignored_sides(
     laws : sequence of ContactLaw
         Law of each curve.
     """
-    warnings = []
     for member, law in zip(problem.members, laws, strict=True):
         if member.scene.layer.half_width is None or member.scene.layer.has_sides:
             continue
@@ -276,8 +260,7 @@ def ignored_sides(
         scene, depth = member.scene_at(physical), _deepest(member, member.values_at(physical))
         why = why_not_ignored(scene.layer, scene.substrate, float(law.force(depth)), depth)
         if why:
-            warnings.append(FitWarning("sides", why))
-    return tuple(warnings)
+            yield FitWarning("sides", why)
 
 
 def _deepest(member: Member, values: Mapping[str, float]) -> float:
@@ -290,79 +273,59 @@ def _deepest(member: Member, values: Mapping[str, float]) -> float:
     return float(member.curve.depth.max()) - values["instrument.contact_depth"] - bent
 
 
-def against_priors(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
+def against_priors(problem: Problem, physical: FloatArray) -> Iterator[FitWarning]:
     """One warning per parameter that ended more than 3.4 prior standard deviations off its prior.
 
     `physical` are the parameter values (SI), (k,).
     """
-    warnings = []
     for coordinate, value in zip(problem.coordinates, physical.tolist(), strict=True):
         off = abs(coordinate.prior.penalty(value)[0])
         if off > _CONTRADICTED:
-            warnings.append(
-                FitWarning(
-                    "prior",
-                    f"{coordinate.name} ended {off:.3g} standard deviations of its prior away from it: data and "
-                    "prior contradict each other, and what is printed is between the two",
-                )
+            yield FitWarning(
+                "prior",
+                f"{coordinate.name} ended {off:.3g} standard deviations of its prior away from it: data and prior "
+                "contradict each other, and what is printed is between the two",
             )
-    return tuple(warnings)
 
 
-def over_correlated(noises: Sequence[NoiseModel], whitened: Sequence[FloatArray]) -> tuple[FitWarning, ...]:
+def over_correlated(noises: Sequence[NoiseModel], whitened: Sequence[FloatArray]) -> Iterator[FitWarning]:
     """One warning per curve whose noise model assumes more correlation than its whitened residuals (n,) show."""
-    warnings = []
-    for number, (noise, own) in enumerate(zip(noises, whitened, strict=True), start=1):
+    for number, (noise, own) in enumerate(zip(noises, whitened, strict=True)):
         if noise.correlation and over_whitened(own):
-            which = f"curve {number}: " if len(noises) > 1 else ""
-            warnings.append(
-                FitWarning(
-                    "over-whitened",
-                    f"{which}the whitened residuals alternate: the noise is taken for more correlated than it is, "
-                    "as where white noise lies on the correlated; the values follow the noise. Leave the noise "
-                    "out: white and correlated noise are then weighed together",
-                )
+            yield FitWarning(
+                "over-whitened",
+                f"{which_curve(number, len(noises))}the whitened residuals alternate: the noise is taken for more "
+                "correlated than it is, as where white noise lies on the correlated; the values follow the noise. "
+                "Leave the noise out: white and correlated noise are then weighed together",
             )
-    return tuple(warnings)
 
 
-def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
+def _law_range(laws: Sequence[ContactLaw]) -> Iterator[FitWarning]:
     """One warning per curve whose law is used outside its range of validity.
 
     Depths beyond the thickness of the layer are left to `too_deep`.
     """
-    warnings = []
     for number, law in enumerate(laws, start=1):
-        left = [str(entry) for entry in law.warnings if not isinstance(entry, DeeperThanLayer)]
-        if left:
+        broken = "; ".join(str(entry) for entry in law.warnings if not isinstance(entry, DeeperThanLayer))
+        if broken:
             which = f" on curve {number}" if len(laws) > 1 else ""
-            broken = "; ".join(left)
-            text = f"{law.method} is used outside its range{which}: {broken}"
-            warnings.append(FitWarning("law-range", text))
-    return warnings
+            yield FitWarning("law-range", f"{law.method} is used outside its range{which}: {broken}")
 
 
-def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
+def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> Iterator[FitWarning]:
     """One warning per parameter whose standard error is smaller than the law's own relative error of the force.
 
     That error moves a modulus by as much.
     """
-    warnings = []
     for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
-        if (
-            coordinate.scale is None
-            and not coordinate.path.startswith("noise.")
-            and 0.0 < deviation < statistics.law_error
-        ):
-            warnings.append(
-                FitWarning(
-                    "law-error",
-                    f"the {statistics.law_method} model may itself be off by {_share(statistics.law_error)} of the "
-                    f"force, more than the standard error of {coordinate.name} ({100.0 * deviation:.2g} %): use "
-                    "the exact model",
-                )
+        scales = coordinate.scale is None and not coordinate.path.startswith("noise.")
+        if scales and 0.0 < deviation < statistics.law_error:
+            yield FitWarning(
+                "law-error",
+                f"the {statistics.law_method} model may itself be off by {_share(statistics.law_error)} of the "
+                f"force, more than the standard error of {coordinate.name} ({100.0 * deviation:.2g} %): use the "
+                "exact model",
             )
-    return warnings
 
 
 def _share(error: float) -> str:

@@ -15,32 +15,27 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
-from underlay.inference.least_squares.candidates import EXPLAINED, candidates
+from underlay.inference.least_squares.adhesive import about_left_out, determined, for_all_readings
+from underlay.inference.least_squares.candidates import EXPLAINED, ONE_PLACE, candidates
 from underlay.inference.least_squares.engine import Ahead
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
-from underlay.inference.least_squares.lmfit_bridge import METHODS, Minimiser
-from underlay.inference.least_squares.memory_starts import Start
 from underlay.inference.least_squares.models import LOSSES
-from underlay.inference.least_squares.scan import LIKELY, scan
+from underlay.inference.least_squares.scan import LIKELY, Start, scan
 from underlay.inference.least_squares.scan_curve import blocked_objective, power_law_objective
-from underlay.inference.least_squares.settle import Optimum, confirmed, settle
+from underlay.inference.least_squares.settle import METHODS, Minimiser, Optimum, by_lmfit, settle
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.answer import States
+from underlay.inference.uncertainty.answer import PointwiseModulus
 from underlay.mechanics.solvers import Exact
-from underlay.scene.noise import NoiseModel
 
-# A place this near to the path of an earlier search, in every scaled coordinate, lies on it: two minima closer than
-# this are one (`candidates`).
-_ON_IT = 0.05
 # Steps shorter than the first (scaled coordinates) are those at a minimum, which lead in any direction; a step
 # along a path makes an angle with it whose cosine is at least the second.
 _LONG, _ALONG = 0.3, 0.9
@@ -129,6 +124,56 @@ def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
     return _fit_once(problem, None, start)
 
 
+def pointwise_modulus(
+    result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
+) -> PointwiseModulus:
+    """Compute the modulus of the layer separately at every depth of a curve.
+
+    It is the fit's modulus, times the ratio of the elastic moduli by which data and fitted model are reproduced
+    there. For an elastic sample that is the modulus by which the force is reproduced; what a sample with memory has
+    relaxed by then is in both.
+
+    Parameters
+    ----------
+    result : Fit or Problem
+        Gives contact point, baseline and everything but the layer's modulus; a problem is fitted first.
+    curve : int, default 0
+        Which curve of a joint fit.
+    points : int, default 30
+        Largest number of depths; each uses eight points of the curve or more.
+    level : float, default 0.95
+        Confidence of the intervals. They include the noise of the points about each depth and the uncertainty of
+        the fitted parameters, under the noise that `Fit.interval` assumes.
+
+    Returns
+    -------
+    PointwiseModulus
+        Depths at which the interval is narrower than twice the modulus, which excludes the first after contact.
+
+    Raises
+    ------
+    InputError
+        If the tip adheres, or the curve is not one of the fit.
+    CurveError
+        If the modulus is determined at no depth.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
+    >>> curve = ul.synthesize(scene, np.linspace(0.0, 1e-4, 400), ul.Noise(force=1e-4), rng=0)
+    >>> fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-4)))
+    >>> found = ul.pointwise_modulus(fit)
+    >>> bool(np.all(np.abs(found.apparent.modulus[10:] / 1e6 - 1.0) < 0.01))
+    True
+    >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
+    True
+    """
+    require_given(result, "result", Fit, Problem)
+    found = fit(result) if isinstance(result, Problem) else result
+    return found.modulus_by_depth(curve, points, level)
+
+
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     """Fit once with the problem's own solver: scan for starts, search, settle on all readings, judge.
 
@@ -137,7 +182,14 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     began = time.perf_counter()
     places: Sequence[FloatArray] = [problem.start]
     if start == "scan":
-        starts = [Start(_inside(problem, place), misfit) for place, misfit in scan(problem)]
+        # A little inside the bounds: on one the transformed gradient of lmfit's bounded search is zero. Open bounds
+        # are any distance apart, closed ones a hundredth of it at most.
+        low, high = problem.bounds.T
+        room = 0.01 * np.minimum(high - low, 1.0)
+        starts = [
+            Start(np.minimum(np.maximum(place, low + room), high - room), misfit)
+            for place, misfit in scan(problem)
+        ]
         robust = lmfit is not None and lmfit.loss is not None
         alone = None if robust else _explaining(problem, starts)
         if alone is not None:
@@ -154,17 +206,8 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
 
     Repeated until the readings left out stay the same. `began` is the clock (s) at the start of the fit.
     """
-    # Not loaded for a scene without adhesion.
-    from underlay.inference.least_squares.jump_readings import (  # noqa: PLC0415
-        about_left_out,
-        determined,
-        for_all_readings,
-    )
-
-    problem, used = (
-        found.problem,
-        [np.ones(len(member.force), dtype=bool) for member in found.problem.members],
-    )
+    problem = found.problem
+    used = [np.ones(len(member.force), dtype=bool) for member in problem.members]
     for _ in range(_MAX_PASSES):
         kept = determined(found, problem)
         same = all(np.array_equal(one, other) for one, other in zip(kept, used, strict=True))
@@ -173,7 +216,9 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
         used = kept
         left = problem.revised(
             curves=[curve.select(keep) for curve, keep in zip(problem.curves, kept, strict=True)],
-            noise=_of_readings(problem, kept),
+            noise=[m.noise.of_readings(keep) for m, keep in zip(problem.members, kept, strict=True)]
+            if problem.noise_is_stated
+            else None,
         )
         values = [found.values, *(other.values for other in found.alternatives)]
         found = _settled(left, lmfit, [left.vector(each) for each in values], began)
@@ -182,13 +227,6 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
         warnings=(*found.warnings, *about_left_out(problem, used)),
         statistics=for_all_readings(found.statistics, problem.n_points),
     )
-
-
-def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[NoiseModel] | None:
-    """Noise of the readings kept by masks (n,), one model per curve; None if the problem gives no noise."""
-    if not problem.noise_is_stated:
-        return None
-    return [member.noise.of_readings(keep) for member, keep in zip(problem.members, kept, strict=True)]
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
@@ -221,23 +259,24 @@ def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
     if not others or min(others) <= LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
         return None
     start = starts[0].vector
-    found = settle(problem, start, steps=_QUICKLY, give_up=lambda ahead: _is_far(ahead.there - start))
+    found = settle(
+        problem,
+        start,
+        steps=_QUICKLY,
+        give_up=lambda ahead: bool((np.abs(ahead.there - start) > _FAR).any()),
+    )
     return found if found is not None and found.success and _explains(found) else None
 
 
 def _explains(found: Optimum) -> bool:
     """Whether the model leaves hardly more of the curves than their scatter."""
     problem = found.objective.problem
-    models = found.objective.models(found.vector)
+    models = found.objective.asked.models(problem.physical(found.vector))
     square = sum(
         float(np.square(model - member.force).sum()) / member.scatter**2
         for model, member in zip(models, problem.members, strict=True)
     )
     return square <= EXPLAINED * problem.n_points
-
-
-def _is_far(change: FloatArray) -> bool:
-    return bool((np.abs(change) > _FAR).any())
 
 
 def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -> Fit:
@@ -246,14 +285,17 @@ def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -
     Where lmfit is given it runs from that optimum if the search did not converge, or ended on a plateau.
     """
     robust = lmfit is not None and lmfit.loss is not None
-    best = min(settled, key=lambda optimum: optimum.loss) if len(settled) > 1 else settled[0]
+    best = settled[0]
+    if len(settled) > 1:
+        best = min(settled, key=lambda optimum: optimum.objective.loss(optimum.vector))
     others = [other.vector for other in settled if other is not best]
     if lmfit is not None and not robust:
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
         # On a plateau there is more than one place to stop at: there its optimum is taken.
-        there = replace(best, minimiser=lmfit)
-        best = there if best.success and not _on_a_plateau(there) else confirmed(best, lmfit)
+        best = replace(best, minimiser=lmfit)
+        if best.objective.active and not (best.success and not _on_a_plateau(best)):
+            best = by_lmfit(best.objective, lmfit, best.vector)
     return judge(best, others, seconds=time.perf_counter() - began, state=_stated)
 
 
@@ -263,7 +305,7 @@ def _on_a_plateau(best: Optimum) -> bool:
     return bool(((columns * columns).sum(axis=0) < 1.0).any())
 
 
-def _stated(found: Fit) -> States:
+def _stated(found: Fit) -> Any:
     # Answers of most fits of a map are never read: the module is loaded with the first that is.
     from underlay.inference.uncertainty.statement import Statement  # noqa: PLC0415
 
@@ -276,16 +318,14 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     Returns scaled vectors (k,) of minima that may be the optimum, best first; the starts themselves where blocks
     are no help. With `robust` blocks are medians.
     """
-    few = len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust
-    if few or not starts:
-        return starts
-    if not _has_blocks(problem):
-        # Every start is fitted to all points.
+    is_short = problem.n_points <= _FEW_POINTS and not robust
+    # Without blocks every start is fitted to all points.
+    if not starts or (len(starts) == 1 and is_short) or not _has_blocks(problem):
         return starts
     by_power_laws = power_law_objective(problem, robust=robust)
     if by_power_laws is not None:
         starts = [entry.vector for entry in candidates(by_power_laws, starts)] or starts
-        if len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust:
+        if len(starts) == 1 and is_short:
             return starts
     found = candidates(blocked_objective(problem, robust=robust), starts)
     # Robust fits of different scale do not compare by their losses: only the best is taken further.
@@ -314,53 +354,24 @@ def _check(method: str, robust: str | None, start: str) -> None:
         raise InputError(f"unknown robust loss {robust!r}; known: {', '.join(LOSSES)}, or None")
 
 
-def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
-    """Move a scaled start (k,) a little inside the bounds.
-
-    On a bound the transformed gradient of lmfit's bounded search is zero.
-    """
-    low, high = problem.bounds.T
-    # Open bounds are any distance apart, closed ones a hundredth of it at most.
-    room = 0.01 * np.minimum(high - low, 1.0)
-    return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))
-
-
 def law_bias(fit: Fit) -> float:
-    """Largest shift of a parameter, over its standard error, due to the law's estimated relative error."""
-    shifts = shift_of_the_law(fit.problem, fit.vector, fit.scaled_covariance, fit.sigmas)
-    deviation = np.sqrt(np.diag(fit.scaled_covariance))
+    """Largest shift of a parameter, over its standard error, due to the law's estimated relative error.
+
+    A relative error of the force at every depth shifts the scaled parameters, to first order, by C J' V^-1 P times
+    it, with C their covariance, V the squares of the noise's standard deviations, P the contact force and J its
+    derivatives in them. A modulus that scales the force takes all of it. Correlation of the noise is left out: a
+    shift of the mean hardly depends on it.
+    """
+    problem, physical = fit.problem, fit.problem.physical(fit.vector)
+    slopes = problem.space.slopes(physical)
+    total = np.zeros(len(slopes))
+    for member, sigma in zip(problem.members, fit.sigmas, strict=True):
+        reading, columns = member.jacobian(physical)
+        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
+    shifts, deviation = fit.scaled_covariance @ total, np.sqrt(np.diag(fit.scaled_covariance))
     fixed = deviation > 0.0
     relative = np.abs(shifts[fixed]) * fit.statistics.law_error / deviation[fixed]
     return float(relative.max(initial=0.0))
-
-
-def shift_of_the_law(
-    problem: Problem, vector: FloatArray, covariance: FloatArray, sigmas: tuple[FloatArray, ...]
-) -> FloatArray:
-    """Shift (k,) of the scaled parameters per unit of relative error of the force at every depth.
-
-    First order: C J' V^-1 P, with P the contact force and J its derivatives in the scaled parameters. A modulus
-    that scales the force takes all of it. Correlation of the noise is left out: a shift of the mean hardly depends
-    on it.
-
-    Parameters
-    ----------
-    problem : Problem
-        What was fitted.
-    vector : FloatArray
-        Scaled vector of the optimum, (k,).
-    covariance : FloatArray
-        C, of the scaled parameters, (k, k).
-    sigmas : tuple of FloatArray
-        Standard deviations of the noise (N), one array (n,) per curve: V is their squares.
-    """
-    physical = problem.physical(vector)
-    slopes = problem.space.slopes(physical)
-    total = np.zeros(len(vector))
-    for member, sigma in zip(problem.members, sigmas, strict=True):
-        reading, columns = member.jacobian(physical)
-        total += (columns * slopes / sigma[:, None]).T @ (reading.contact / sigma)
-    return np.asarray(covariance @ total)
 
 
 class VisitedPaths:
@@ -402,5 +413,5 @@ def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:
     first, along, lengths = first[long], along[long] / lengths[long, None], lengths[long]
     gone = ((here - first) * along).sum(axis=1)
     offset = here - first - np.clip(gone, 0.0, lengths)[:, None] * along
-    on_it = (np.abs(offset) <= _ON_IT).all(axis=1)
+    on_it = (np.abs(offset) <= ONE_PLACE).all(axis=1)
     return bool((on_it & (along @ step >= _ALONG * np.sqrt(step @ step))).any())

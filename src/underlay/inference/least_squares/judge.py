@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from itertools import accumulate, pairwise
+from collections.abc import Callable, Iterator, Sequence
 from math import log
+from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.inference.least_squares.adhesive import about_adhesion
 from underlay.inference.least_squares.diagnostics import correlated
-from underlay.inference.least_squares.fit_result import (
-    Alternative,
-    Fit,
-    FitStatistics,
-    FitWarning,
-)
+from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics, FitWarning
 from underlay.inference.least_squares.fit_warnings import (
     against_priors,
     ignored_sides,
@@ -29,7 +24,6 @@ from underlay.inference.least_squares.models import robust_inflation
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import Optimum, noise_covariance
 from underlay.inference.problem import Problem
-from underlay.inference.uncertainty.answer import States
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.quantities import kind_of
 from underlay.units import format_quantity
@@ -64,22 +58,18 @@ def times_told_by(problem: Problem) -> list[tuple[float, float]]:
     return [resolved_times(clock) for clock in clocks]
 
 
-def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:
+def about_relaxation(problem: Problem, vector: FloatArray) -> Iterator[FitWarning]:
     """Warnings of relaxation times outside the range that the curves can show; none without relaxation."""
     ranges = times_told_by(problem)
-    if not ranges:
-        return []
-    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-    return [
-        FitWarning(
-            "relaxation-time",
-            f"{name} ended at {format_quantity(value, 'time')}, and the record tells times from "
-            f"{format_quantity(low, 'time')}, its sampling, to {format_quantity(high, 'time')}, its length: fix it "
-            "there, or leave this term out",
-        )
-        for name, value in problem.values(vector).items()
-        if ".relaxation.times[" in name and not low <= value <= high
-    ]
+    for name, value in problem.values(vector).items() if ranges else ():
+        low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
+        if ".relaxation.times[" in name and not low <= value <= high:
+            yield FitWarning(
+                "relaxation-time",
+                f"{name} ended at {format_quantity(value, 'time')}, and the record tells times from "
+                f"{format_quantity(low, 'time')}, its sampling, to {format_quantity(high, 'time')}, its length: "
+                "fix it there, or leave this term out",
+            )
 
 
 def judge(
@@ -87,7 +77,7 @@ def judge(
     others: Sequence[FloatArray] = (),
     *,
     seconds: float,
-    state: Callable[[Fit], States],
+    state: Callable[[Fit], Any],
 ) -> Fit:
     """Make the result of a fit from its best optimum.
 
@@ -126,9 +116,9 @@ def judge(
         read_only(member.force - model)
         for member, model in zip(problem.members, objective.asked.models(physical), strict=True)
     )
-    ends = list(accumulate(len(force) for force in forces))
-    whitened = [residuals[start:end] for start, end in pairwise([0, *ends])]
-    alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
+    # After the readings come the residuals of the priors.
+    whitened = np.split(residuals, np.cumsum([len(force) for force in forces]))[:-1]
+    alternatives = _alternatives(objective, vector, deviation_scaled, others)
     related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
     asked = objective.asked.asked_for(physical)
     laws = [member.law(asked) for member in problem.members]
@@ -207,11 +197,7 @@ def scaled_covariance(
 
 
 def _alternatives(
-    objective: Objective,
-    vector: FloatArray,
-    residuals: FloatArray,
-    deviation: FloatArray,
-    others: Sequence[FloatArray],
+    objective: Objective, vector: FloatArray, deviation: FloatArray, others: Sequence[FloatArray]
 ) -> tuple[Alternative, ...]:
     """Other optima whose rise of chi-square is below 11.6, each once and separated from the best by a higher ridge.
 
@@ -219,14 +205,12 @@ def _alternatives(
     ----------
     objective : Objective
         With the noise of the best optimum.
-    vector : FloatArray
-        Scaled vector of the best optimum, (k,).
-    residuals, deviation : FloatArray
-        Its whitened residuals, (n,), and standard errors of the scaled parameters, (k,).
+    vector, deviation : FloatArray
+        Scaled vector of the best optimum, and standard errors of the scaled parameters, (k,).
     others : sequence of FloatArray
         Scaled vectors (k,) of the optima of other starts.
     """
-    base = float(residuals @ residuals)
+    base = objective.square(vector)
     found: list[Alternative] = []
     for other in others:
         known = [(vector, 0.0), *((entry.vector, entry.delta_chi_square) for entry in found)]

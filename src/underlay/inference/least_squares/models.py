@@ -7,7 +7,7 @@ a whitened residual r: what a minimiser lowers in place of the sum of squares, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -90,6 +90,30 @@ def robust_inflation(residuals: FloatArray, loss: str | None) -> float:
         return 1.0
     z, known = residuals * residuals, LOSSES[loss]
     return float(np.mean(z * known.weight(z) ** 2) / np.mean(known.slope(z)) ** 2)
+
+
+def with_values(
+    problem: Problem, member: Member, values: Mapping[str, float], vector: FloatArray
+) -> FloatArray:
+    """Scaled vector (k,) with the parameters of one curve set to `values` (SI, by path), within their bounds."""
+    found = np.array(vector)
+    for path, entry in member.entries.items():
+        if path in values:
+            coordinate = problem.coordinates[entry]
+            found[entry] = coordinate.scaled(min(max(values[path], coordinate.low), coordinate.high))
+    return found
+
+
+def misfit_of(problem: Problem, vector: FloatArray) -> float:
+    """Sum of squared residuals over the squared scatter of every curve; inf where there is no law."""
+    physical = problem.physical(vector)
+    try:
+        return sum(
+            float(np.square(member.model(physical) - member.force).sum()) / member.scatter**2
+            for member in problem.members
+        )
+    except InputError:
+        return np.inf
 
 
 class Models:
@@ -202,41 +226,29 @@ class Models:
 
         Rows without a law are zero, and set to False in `possible` (s,).
         """
-        if len(physical) == 1:
-            return self._one(physical, possible)
-        batch = self._batch(physical) if self.in_batches else None
-        if batch is not None:
-            columns, models, known = batch
-            missing = possible & ~known
-            self.count += int(np.count_nonzero(possible & known))
-        else:
-            columns, models = self._room(len(physical))
-            missing = possible.copy()
-        for row in np.flatnonzero(missing).tolist():
-            own, forces = self._one(physical[row : row + 1], possible[row : row + 1])
-            for into, each in zip((*columns, *models), (*own, *forces), strict=True):
-                into[row] = each[0]
-        return columns, models
-
-    def _room(self, sets: int) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Zeros for the derivatives (sets, own, n) and the forces (sets, n) of every curve."""
-        points = [len(member.force) for member in self.members]
-        columns = [
-            np.zeros((sets, len(member.entries), n)) for member, n in zip(self.members, points, strict=True)
-        ]
-        return columns, [np.zeros((sets, n)) for n in points]
-
-    def _one(
-        self, physical: FloatArray, possible: NDArray[np.bool_]
-    ) -> tuple[list[FloatArray], list[FloatArray]]:
-        """Derivatives and forces of every curve at one parameter vector (1, k), as `several` returns them."""
-        if possible[0]:
+        if len(physical) == 1 and possible[0]:
             try:
                 own = self.columns(physical[0], rough=True)
                 return [part.T[None] for part in own], [part[None] for part in self.models(physical[0])]
             except InputError:
                 possible[0] = False
-        return self._room(1)
+        batch = self._batch(physical) if len(physical) > 1 and self.in_batches else None
+        if batch is not None:
+            columns, models, known = batch
+            missing = possible & ~known
+            self.count += int(np.count_nonzero(possible & known))
+        else:
+            shapes = [(len(physical), len(one.entries), len(one.force)) for one in self.members]
+            columns, models = (
+                [np.zeros(shape) for shape in shapes],
+                [np.zeros(shape[::2]) for shape in shapes],
+            )
+            missing = possible.copy()
+        for row in np.flatnonzero(missing).tolist():
+            own, forces = self.several(physical[row : row + 1], possible[row : row + 1])
+            for into, each in zip((*columns, *models), (*own, *forces), strict=True):
+                into[row] = each[0]
+        return columns, models
 
     def _batch(
         self, physical: FloatArray
@@ -245,16 +257,12 @@ class Models:
 
         None where some curve cannot be computed at several vectors together.
         """
-        found = [
-            batched_jacobians(
-                member.forward, member.values_of(physical), len(physical), tuple(member.entries)
-            )
-            for member in self.members
-        ]
-        known = [each for each in found if each is not None]
-        if len(known) < len(found):
-            return None
-        possible = known[0].possible
-        for each in known[1:]:
-            possible = possible & each.possible
-        return [each.columns for each in known], [each.force for each in known], possible
+        known = []
+        for member in self.members:
+            values = member.values_of(physical)
+            found = batched_jacobians(member.forward, values, len(physical), tuple(member.entries))
+            if found is None:
+                return None
+            known.append(found)
+        possible = np.all([each.possible for each in known], axis=0)
+        return [each.columns for each in known], [each.force for each in known], np.asarray(possible)

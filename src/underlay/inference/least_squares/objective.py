@@ -11,19 +11,26 @@ that begin at zero (`PowerSteps`).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.models import FrozenNoise, Models
-from underlay.inference.least_squares.projection import LinearDirections, Places, Point, Rows, projected
+from underlay.inference.least_squares.projection import (
+    Fractions,
+    LinearDirections,
+    Places,
+    Point,
+    Rows,
+    projected,
+)
 from underlay.inference.model.coordinates import FAR, Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -42,20 +49,54 @@ HAIR = 1e-3
 _NEGLIGIBLE = 1e-3
 
 
+class Course(ABC):
+    """Steps of m scaled parameters in transformed numbers in which the force is nearly linear.
+
+    A small step equals the change of the scaled parameter.
+
+    Attributes
+    ----------
+    entries : ndarray of int (m,)
+        Their entries in a scaled vector.
+    """
+
+    entries: NDArray[np.intp]
+
+    def straight(self, here: FloatArray, changes: FloatArray) -> FloatArray:
+        """Steps (s, k) from scaled vectors `here` (s, k) that lead to `changes` (s, k) of them.
+
+        Changes may be infinite; the array is overwritten.
+        """
+        changes[:, self.entries] = self._steps(here, changes[:, self.entries])
+        return changes
+
+    def changes(self, here: FloatArray, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors `here` (s, k) that steps (s, k) lead to, each `longest` at most."""
+        result = steps.copy()
+        result[:, self.entries] = self._changes(here, steps[:, self.entries], longest)
+        return result
+
+    @abstractmethod
+    def _steps(self, here: FloatArray, change: FloatArray) -> FloatArray:
+        """Steps (s, m) that lead to changes (s, m) of the entries."""
+
+    @abstractmethod
+    def _changes(self, here: FloatArray, step: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, m) of the entries that steps (s, m) lead to."""
+
+
 @dataclass(frozen=True)
-class BaseSteps:
-    """Steps of the free moduli of m bases, in a transformed number in which the force is nearly linear.
+class BaseSteps(Course):
+    """Steps of the free moduli of m bases.
 
     With k the ratio of the base's modulus to the layer's, the force goes nearly with a power of k where the base is
     soft, and with its compliance 1/k where it is stiff: with u = -ln(1 + 1/k) in both cases. A step that is
-    straight in ln k leads far too far down from a stiff base, and up towards a rigid one it never arrives.
-
-    Steps are scaled so that a small one equals the change of the scaled parameter, the logarithm of the base's
-    modulus.
+    straight in ln k leads far too far down from a stiff base, and up towards a rigid one it never arrives. Steps
+    up from a soft base (k < 1) stay linear in ln k: in u they would lead beyond what is as good as rigid.
 
     Parameters
     ----------
-    bases : ndarray of int (m,)
+    entries : ndarray of int (m,)
         Their entries in a scaled vector.
     layers : ndarray of int (m,)
         Entries of the layers' moduli; any where they are known.
@@ -65,7 +106,7 @@ class BaseSteps:
         ln k of the scene's own numbers, (m,).
     """
 
-    bases: NDArray[np.intp]
+    entries: NDArray[np.intp]
     layers: NDArray[np.intp]
     free: FloatArray
     at_start: FloatArray
@@ -86,57 +127,24 @@ class BaseSteps:
         layers, free, start = zip(*found.values(), strict=True)
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
 
-    def at(self, vectors: FloatArray) -> BaseTransform:
-        """Conversion between changes of the bases' moduli and transformed steps, at scaled vectors (s, k)."""
-        log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
+    def _at(self, here: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """ln k, u and du/d(ln k) = 1 / (1 + k) at scaled vectors (s, k), (s, m) each."""
+        log_ratio = here[:, self.entries] - self.free * here[:, self.layers] + self.at_start
         inverse = np.exp(-log_ratio)
-        return BaseTransform(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
+        return log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse)
 
+    def _steps(self, here: FloatArray, change: FloatArray) -> FloatArray:
+        log_ratio, u, slope = self._at(here)
+        up_from_soft = (log_ratio < 0.0) & (change > 0.0)
+        return np.where(up_from_soft, change, (log_share(log_ratio + change) - u) / slope)
 
-class BaseTransform(NamedTuple):
-    """Conversion between changes of bases' moduli and steps in u = -ln(1 + 1/k), from s points.
-
-    k is the ratio of the base's modulus to the layer's. Steps up from a soft base (k < 1) stay linear in ln k: in u
-    they would lead beyond what is as good as rigid.
-
-    Parameters
-    ----------
-    bases : ndarray of int (m,)
-        Entries of the bases' moduli in a scaled vector.
-    log_ratio, u, slope : FloatArray
-        ln k, u and du/d(ln k) = 1 / (1 + k) at the points, each (s, m).
-    """
-
-    bases: NDArray[np.intp]
-    log_ratio: FloatArray
-    u: FloatArray
-    slope: FloatArray
-
-    def straight(self, changes: FloatArray) -> FloatArray:
-        """Steps (s, k) in the transformed numbers that lead to `changes` (s, k) of scaled vectors.
-
-        Changes may be infinite; the array is overwritten.
-        """
-        change = changes[:, self.bases]
-        steps = (log_share(self.log_ratio + change) - self.u) / self.slope
-        changes[:, self.bases] = np.where(self._up_from_soft(change), change, steps)
-        return changes
-
-    def changes(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that steps (s, k) in the transformed numbers lead to.
-
-        A base's modulus changes by at most `longest` in its logarithm.
-        """
-        step = steps[:, self.bases]
+    def _changes(self, here: FloatArray, step: FloatArray, longest: float) -> FloatArray:
+        log_ratio, u, slope = self._at(here)
         # u = 0 is a rigid base: no step leads beyond it.
-        there = np.minimum(self.u + self.slope * step, log_share(self.log_ratio + longest))
-        change = np.where(self._up_from_soft(step), step, -np.log(np.expm1(-there)) - self.log_ratio)
-        result = steps.copy()
-        result[:, self.bases] = np.where(step == 0.0, 0.0, np.clip(change, -longest, longest))
-        return result
-
-    def _up_from_soft(self, change: FloatArray) -> NDArray[np.bool_]:
-        return (self.log_ratio < 0.0) & (change > 0.0)
+        there = np.minimum(u + slope * step, log_share(log_ratio + longest))
+        up_from_soft = (log_ratio < 0.0) & (step > 0.0)
+        change = np.where(up_from_soft, step, -np.log(np.expm1(-there)) - log_ratio)
+        return np.where(step == 0.0, 0.0, np.clip(change, -longest, longest))
 
 
 def log_share(log_ratio: FloatArray) -> FloatArray:
@@ -148,14 +156,13 @@ def log_share(log_ratio: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class PoissonSteps:
-    """Steps of the free Poisson's ratios of m isotropic layers, in a transformed number towards one half.
+class PoissonSteps(Course):
+    """Steps of the free Poisson's ratios of m isotropic layers; none leads further than it is long.
 
     A bonded layer that is thin compared with the contact responds with its confined compression modulus, which
     grows with 1/(1 - 2 nu) until the layer yields sideways instead. Where a curve shows Poisson's ratio at all it
-    does so by that; a step that is straight in nu leads too far up.
-
-    Steps are scaled so that a small one equals the change of the scaled parameter.
+    does so by that; a step that is straight in nu leads too far up. Steps up are linear in the logarithm of the
+    distance of nu from (1 + `_LATERAL`) / 2, a little above one half.
 
     Parameters
     ----------
@@ -184,46 +191,54 @@ class PoissonSteps:
         reference, scale = np.array([[c.reference, c.scale or 1.0] for c in found.values()]).T
         return cls(np.array(list(found)), reference, scale)
 
-    def at(self, vectors: FloatArray) -> PoissonTransform:
-        """Conversion between changes of Poisson's ratios and transformed steps, at scaled vectors (s, k)."""
-        room = 1.0 - 2.0 * (self.reference + self.scale * vectors[:, self.entries]) + _LATERAL
-        return PoissonTransform(self.entries, room / (2.0 * self.scale))
+    def _room(self, here: FloatArray) -> FloatArray:
+        """That distance in scaled parameters at scaled vectors (s, k), (s, m)."""
+        room = 1.0 - 2.0 * (self.reference + self.scale * here[:, self.entries]) + _LATERAL
+        return np.asarray(room / (2.0 * self.scale))
+
+    def _steps(self, here: FloatArray, change: FloatArray) -> FloatArray:
+        room = self._room(here)
+        return np.where(change > 0.0, -room * np.log1p(-change / room), change)
+
+    def _changes(self, here: FloatArray, step: FloatArray, longest: float) -> FloatArray:
+        del longest
+        room = self._room(here)
+        return np.where(step > 0.0, -room * np.expm1(-step / room), step)
 
 
-class PoissonTransform(NamedTuple):
-    """Conversion between changes of Poisson's ratios and steps that go up linearly in the logarithm of `room`.
+@dataclass(frozen=True)
+class PowerSteps(Course):
+    """Steps of m numbers q by whose exponentials to a power p the force changes, such as an amount of stiffening.
+
+    A step up is straight in exp(p q), in which the force is, and one down in q: there zero is at no distance. None
+    leads further than it is long.
 
     Parameters
     ----------
     entries : ndarray of int (m,)
-        Entries of the Poisson's ratios in a scaled vector.
-    room : FloatArray
-        Distance of Poisson's ratio from (1 + `_LATERAL`) / 2, a little above one half, in scaled parameters, (s,
-        m).
+        Their entries in a scaled vector.
+    powers : FloatArray
+        p of each, (m,).
     """
 
     entries: NDArray[np.intp]
-    room: FloatArray
+    powers: FloatArray
 
-    def straight(self, changes: FloatArray) -> FloatArray:
-        """Steps (s, k) in the transformed numbers that lead to `changes` (s, k) of scaled vectors.
+    @classmethod
+    def of(cls, coordinates: Sequence[Coordinate]) -> Self | None:
+        """Find them by what their quantities declare; None where there are none."""
+        found = {
+            i: c.quantity.power for i, c in enumerate(coordinates) if c.scale is None and c.quantity.power
+        }
+        return cls(np.array(list(found)), np.array(list(found.values()))) if found else None
 
-        The array of changes is overwritten.
-        """
-        change = changes[:, self.entries]
-        changes[:, self.entries] = np.where(change > 0.0, -self.room * np.log1p(-change / self.room), change)
-        return changes
+    def _steps(self, here: FloatArray, change: FloatArray) -> FloatArray:
+        del here
+        return np.where(change > 0.0, np.expm1(self.powers * change) / self.powers, change)
 
-    def changes(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that steps (s, k) in the transformed numbers lead to.
-
-        None is longer than its step.
-        """
-        del longest
-        step = steps[:, self.entries]
-        result = steps.copy()
-        result[:, self.entries] = np.where(step > 0.0, -self.room * np.expm1(-step / self.room), step)
-        return result
+    def _changes(self, here: FloatArray, step: FloatArray, longest: float) -> FloatArray:
+        del here, longest
+        return np.where(step > 0.0, np.log1p(self.powers * np.maximum(step, 0.0)) / self.powers, step)
 
 
 @dataclass
@@ -264,12 +279,15 @@ class Objective:
         coordinates = self.problem.coordinates
         #: Entries of a vector that a search varies: not the noise's, and not those held.
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
-        self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
+        #: Those with an informative prior, by which the size of the noise moves the optimum.
+        self.informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
         self._own_entries = [np.array(list(one.entries.values()), dtype=np.intp) for one in self.members]
         # Errors that curves have in common make the residuals of each depend on what any reads.
         self._common = self.problem.common if self.members is self.problem.members else None
         everything = np.arange(len(coordinates))
         self._entries = self._own_entries if self._common is None else [everything] * len(self.members)
+        # As in `Rows.entries`.
+        self._some_entries = [None if np.array_equal(own, everything) else own for own in self._entries]
         self.asked = Models(self.members)
 
     @property
@@ -281,11 +299,6 @@ class Objective:
     def points(self) -> int:
         """Number of points of all curves."""
         return sum(len(member.force) for member in self.members)
-
-    @property
-    def has_measured_priors(self) -> bool:
-        """Whether some prior is informative, so that the size of the noise moves the optimum."""
-        return bool(self._informative)
 
     # --- what lmfit and the results ask -----------------------------------------------------------------
 
@@ -302,7 +315,10 @@ class Objective:
             models = self.asked.models(physical)
         except InputError:
             return self._refused()
-        residuals = self._weighted(models, physical)
+        parts = self._whitened([model - one.force for model, one in zip(models, self.members, strict=True)])
+        if self.informative:
+            parts.append(self._penalties(physical)[0])
+        residuals = np.concatenate(parts) if len(parts) > 1 else parts[0]
         # The sum of squares is finite only if every entry is.
         square = float(residuals @ residuals)
         if not np.isfinite(square):
@@ -312,7 +328,7 @@ class Objective:
 
     def _refused(self) -> FloatArray:
         self.failures += 1
-        return np.full(self.points + len(self._informative), self._largest)
+        return np.full(self.points + len(self.informative), self._largest)
 
     def square(self, vector: FloatArray) -> float:
         """Sum of the squared whitened residuals at a scaled vector (k,)."""
@@ -334,13 +350,13 @@ class Objective:
         """
         physical = self.problem.physical(vector)
         slopes, kept = self.problem.space.slopes(physical), np.ix_(self.active, self.active)
-        scale = np.outer(slopes, slopes)
-        parts = [
-            (self._normal([own], [entries]) * scale)[kept]
-            for own, entries in zip(
-                self._whitened_rows(self.asked.columns(physical, rough=False)), self._entries, strict=True
-            )
-        ]
+        scale, parts = np.outer(slopes, slopes), []
+        rows = self._whitened_rows(self.asked.columns(physical, rough=False))
+        for own, entries in zip(rows, self._entries, strict=True):
+            normal = np.zeros(scale.shape)
+            # numpy.ix_ takes longer than so small a product.
+            normal[entries[:, None], entries] = own @ own.T
+            parts.append((normal * scale)[kept])
         return parts, sum(parts, self._prior_places(vector[None], physical[None]).normal[0][kept])
 
     def exists(self, vector: FloatArray) -> bool:
@@ -384,40 +400,29 @@ class Objective:
             normalisation -= self._common.log_determinant
         return self.square(vector) - 2.0 * normalisation
 
-    def models(self, vector: FloatArray) -> list[FloatArray]:
-        """Force readings (N) of every curve at a scaled vector (k,); raises InputError where no law exists."""
-        return self.asked.models(self.problem.physical(vector))
-
     # --- what the engine asks ---------------------------------------------------------------------------
 
     def point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
-        """Point of the search at `vector` (k,), its linear parameters solved for within the bounds (k,).
-
-        None where there is no law. Relaxing fractions are solved for too where that is worth a further model.
-        """
-        if self._fractions is None:
-            return self._point(vector, low, high)
-        here = self._point(self._fractions.feasible(vector), low, high)
-        solved = None if here is None else self._fractions.solved(here)
-        if solved is None or not _within(solved, low, high):
-            return here
-        there = self._point(solved, low, high)
-        return there if there is not None and here is not None and there.square < here.square else here
+        """Point of the search at `vector` (k,), as in `places`; None where there is no law."""
+        place = self.places(vector[None], low[None], high[None])
+        return place.point(0) if np.isfinite(place.square[0]) else None
 
     def places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
         """Points of the search at s scaled vectors, their linear parameters solved for.
 
-        `vectors`, and the limits `low` and `high` of each, are (s, k).
+        `vectors`, and the limits `low` and `high` of each, are (s, k). Relaxing fractions are solved for too where
+        that is worth a further model.
         """
         if self._fractions is None:
             return self._places(vectors, low, high)
-        points = [self.point(*one) for one in zip(vectors, low, high, strict=True)]
-        return Places.of(points, vectors)
-
-    def _point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
-        """`point` without solving for the relaxing fractions."""
-        place = self._places(vector[None], low[None], high[None])
-        return place.point(0) if np.isfinite(place.square[0]) else None
+        here = self._places(np.array([self._fractions.feasible(one) for one in vectors]), low, high)
+        for row in np.flatnonzero(np.isfinite(here.square)).tolist():
+            solved = self._fractions.solved(here.point(row))
+            if solved is not None and ((solved >= low[row]) & (solved <= high[row])).all():
+                own = np.arange(len(vectors)) == row
+                there = self._places(solved[None], low[own], high[own])
+                here = here.replaced(own & (there.square < here.square), there)
+        return here
 
     def _places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
         """`places` without solving for the relaxing fractions."""
@@ -449,20 +454,15 @@ class Objective:
         return replace(here, square=np.where(possible, here.square, np.inf))
 
     @cached_property
-    def bases(self) -> BaseSteps | None:
-        """Transformation in which the force is nearly linear in the bases' moduli; None where none is free."""
-        return BaseSteps.of(self.members, self.problem.coordinates)
-
-    @cached_property
-    def poissons(self) -> PoissonSteps | None:
-        """Transformation in which the force is nearly linear in Poisson's ratios; None where none is free."""
-        return PoissonSteps.of(self.members, self.problem.coordinates)
-
-    @cached_property
-    def courses(self) -> tuple[BaseSteps | PoissonSteps | PowerSteps, ...]:
+    def courses(self) -> tuple[Course, ...]:
         """Transformations of those parameters in which the force is far from linear."""
-        by_powers = PowerSteps.of(self.problem.coordinates)
-        return tuple(steps for steps in (self.bases, self.poissons, by_powers) if steps is not None)
+        coordinates = self.problem.coordinates
+        found = (
+            BaseSteps.of(self.members, coordinates),
+            PoissonSteps.of(self.members, coordinates),
+            PowerSteps.of(coordinates),
+        )
+        return tuple(steps for steps in found if steps is not None)
 
     @cached_property
     def _powers(self) -> list[tuple[int, float]]:
@@ -475,29 +475,17 @@ class Objective:
         known = self.problem.coordinates
         return [
             (i, known[i].quantity.power)
-            for i in self._informative
+            for i in self.informative
             if known[i].scale is None and known[i].quantity.power
         ]
 
     @cached_property
     def _linear(self) -> LinearDirections:
-        return LinearDirections.of(self.problem, set(self.active) - set(self._informative))
+        return LinearDirections.of(self.problem, set(self.active) - set(self.informative))
 
     @cached_property
     def _fractions(self) -> Fractions | None:
-        return Fractions.of(self.problem, set(self.active) - set(self._informative), self._linear)
-
-    def _normal(self, rows: list[FloatArray], entries: list[NDArray[np.intp]]) -> FloatArray:
-        """J'J of the readings (k, k), with J their whitened derivatives in SI.
-
-        `rows` are those of each curve (own, n), `entries` the parameters (own,) that they belong to.
-        """
-        k = len(self.problem.coordinates)
-        total = np.zeros((k, k))
-        for own, here in zip(rows, entries, strict=True):
-            # numpy.ix_ takes longer than so small a product.
-            total[here[:, None], here] += own @ own.T
-        return total
+        return Fractions.of(self.problem, set(self.active) - set(self.informative), self._linear)
 
     def _prior_places(self, vectors: FloatArray, physical: FloatArray) -> Places:
         """Contributions of the informative priors to r'r, J'r and J'J at scaled vectors (s, k).
@@ -506,47 +494,26 @@ class Objective:
         """
         count, k = vectors.shape
         square, gradient, normal = np.zeros(count), np.zeros((count, k)), np.zeros((count, k, k))
-        for row in range(count if self._informative else 0):
+        for row in range(count if self.informative else 0):
             values, slopes = self._penalties(physical[row])
             columns = slopes * self.problem.space.slopes(physical[row])
             square[row], gradient[row] = float(values @ values), values @ columns
             normal[row] = columns.T @ columns
         return Places(vectors, square, gradient, normal)
 
-    @cached_property
-    def _some_entries(self) -> list[NDArray[np.intp] | None]:
-        """Entries (own,) of a vector that each curve depends on; None where they are all, in order.
-
-        As in `Rows.entries`.
-        """
-        everything = np.arange(len(self.problem.coordinates))
-        return [None if np.array_equal(entries, everything) else entries for entries in self._entries]
-
     # --- their weights ------------------------------------------------------------------------------------
-
-    def _weighted(self, models: list[FloatArray], physical: FloatArray) -> FloatArray:
-        """Residuals of all points and of the priors, (n + p,)."""
-        parts = self._whitened_residuals(models)
-        if self._informative:
-            parts.append(self._penalties(physical)[0])
-        return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def _rows(self, columns: list[FloatArray], physical: FloatArray) -> FloatArray:
         """Derivatives of the residuals in the scaled parameters, (k, n + p), from those of each curve in SI."""
         slopes = self.problem.space.slopes(physical)
-        rows = np.zeros((len(slopes), self.points + len(self._informative)))
+        rows = np.zeros((len(slopes), self.points + len(self.informative)))
         end = 0
         for own, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
             rows[entries, end : end + own.shape[1]] = own * slopes[entries, None]
             end += own.shape[1]
-        if self._informative:
+        if self.informative:
             rows[:, end:] = (self._penalties(physical)[1] * slopes).T
         return rows
-
-    def _whitened_residuals(self, models: list[FloatArray]) -> list[FloatArray]:
-        return self._whitened(
-            [model - member.force for model, member in zip(models, self.members, strict=True)]
-        )
 
     def _whitened(self, forces: list[FloatArray]) -> list[FloatArray]:
         """Forces (N), (..., n) each, divided by the noise and decorrelated.
@@ -588,59 +555,8 @@ class Objective:
 
         `physical` are the parameters (k,) in SI, in which the derivatives are taken.
         """
-        which = self._informative
+        which = self.informative
         values, slopes = np.zeros(len(which)), np.zeros((len(which), len(physical)))
         for row, index in enumerate(which):
             values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])
         return values, slopes
-
-
-@dataclass(frozen=True)
-class PowerSteps:
-    """Steps of m numbers q by whose exponentials to a power p the force changes, such as an amount of stiffening.
-
-    A step up is straight in exp(p q), in which the force is, and one down in q: there zero is at no distance.
-
-    Parameters
-    ----------
-    entries : ndarray of int (m,)
-        Their entries in a scaled vector.
-    powers : FloatArray
-        p of each, (m,).
-    """
-
-    entries: NDArray[np.intp]
-    powers: FloatArray
-
-    @classmethod
-    def of(cls, coordinates: Sequence[Coordinate]) -> Self | None:
-        """Find them by what their quantities declare; None where there are none."""
-        found = {
-            i: c.quantity.power for i, c in enumerate(coordinates) if c.scale is None and c.quantity.power
-        }
-        return cls(np.array(list(found)), np.array(list(found.values()))) if found else None
-
-    def at(self, vectors: FloatArray) -> Self:
-        """Conversion between changes and steps, the same at all scaled vectors (s, k)."""
-        del vectors
-        return self
-
-    def straight(self, changes: FloatArray) -> FloatArray:
-        """Steps (s, k) that lead to `changes` (s, k) of scaled vectors; the array of changes is overwritten."""
-        change = changes[:, self.entries]
-        changes[:, self.entries] = np.where(
-            change > 0.0, np.expm1(self.powers * change) / self.powers, change
-        )
-        return changes
-
-    def changes(self, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors that steps (s, k) lead to; none is longer than its step."""
-        del longest
-        step, result = steps[:, self.entries], steps.copy()
-        up = np.log1p(self.powers * np.maximum(step, 0.0)) / self.powers
-        result[:, self.entries] = np.where(step > 0.0, up, step)
-        return result
-
-
-def _within(vector: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-    return bool(((vector >= low) & (vector <= high)).all())

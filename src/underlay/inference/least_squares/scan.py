@@ -8,6 +8,9 @@ grid point, so a start wrong by orders of magnitude, or the last curve's result,
 Between the points of the grid residuals change so smoothly that they are interpolated by parabolas. Every local
 minimum is a start, and so are places thinner and thicker than the best: thin and stiffly backed can look like thick
 and stiff.
+
+Layers that drain have a memory that is not linear in one elastic force: their model of time (`WholeHistory`)
+estimates its numbers from the readings.
 """
 
 from __future__ import annotations
@@ -15,17 +18,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import RangeError
 from underlay.inference.least_squares.adhesive import adhesive_starts
-from underlay.inference.least_squares.memory_starts import Start, memory_starts
+from underlay.inference.least_squares.models import misfit_of, with_values
 from underlay.inference.least_squares.objective import log_share
 from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
@@ -40,7 +42,7 @@ from underlay.inference.least_squares.scan_curve import (
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.response import WholeHistory
+from underlay.mechanics.response import WholeHistory, checked_times
 from underlay.scene.scene import Scene
 
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
@@ -59,7 +61,8 @@ _SCAN_RTOL = 1e-2
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BETWEEN = 8  # steps from a thickness tried to the next
 # Of the three points that a parabola goes through: each, and the two others.
-_OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
+_OWN = np.arange(3)
+_NEXT, _LAST = np.roll(_OWN, -1), np.roll(_OWN, 1)
 _BLOCKS = 16  # blocks of a curve: enough to tell a contact to a grid step
 # Share of the largest depth of a law that the first contact tried may ask for: other thicknesses reach less deep.
 _REACH = 0.9
@@ -75,6 +78,13 @@ _HOPELESS = 25.0
 LIKELY = 2.0
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
+
+
+class Start(NamedTuple):
+    """A point to search from: scaled vector (k,), and its misfit divided by that of the best start."""
+
+    vector: FloatArray
+    misfit: float
 
 
 def tried_contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
@@ -215,6 +225,44 @@ def scan(problem: Problem, count: int = 3) -> list[Start]:
     ]
 
 
+def memory_starts(problem: Problem, count: int) -> list[Start]:
+    """At most `count` starts, best first, from values that each sample's memory estimates from its curve.
+
+    Each start takes such values for one curve (`history.starts`) and the first of them for the others; a curve
+    whose memory gives none keeps the values of its scene.
+    """
+    read_off = [_read_off(member, problem) for member in problem.members]
+    own = problem.start
+    for member, values in zip(problem.members, read_off, strict=True):
+        own = with_values(problem, member, values[0], own) if values else own
+    vectors = [
+        with_values(problem, member, each, own)
+        for member, values in zip(problem.members, read_off, strict=True)
+        for each in values
+    ] or [own]
+    ranked = sorted(
+        ((misfit_of(problem, vector), tuple(vector)) for vector in vectors), key=lambda one: one[0]
+    )
+    best = ranked[0][0]
+    return [
+        Start(np.array(vector), misfit / best if best > 0.0 else 1.0)
+        for misfit, vector in dict.fromkeys(ranked[:count])
+    ]
+
+
+def _read_off(member: Member, problem: Problem) -> list[Mapping[str, float]]:
+    """Parameter values (SI) by path that the memory of one curve estimates from its readings, best first."""
+    history = member.forward.history
+    if not isinstance(history, WholeHistory):
+        return []
+    bounds = {
+        path: (problem.coordinates[entry].low, problem.coordinates[entry].high)
+        for path, entry in member.entries.items()
+    }
+    depth = member.curve.depth - member.scene.instrument.contact_depth
+    return list(history.starts(bounds, depth, member.force, checked_times(member.curve.time, depth)))
+
+
 @dataclass(frozen=True)
 class Landscape:
     """Misfit of all curves of a problem over the grid of thicknesses and modulus ratios.
@@ -279,27 +327,32 @@ class Landscape:
         # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
         if len(total) > 1:
             minima[0] &= total[0] == total.min()
-        chosen = self._ranked(minima)[:count]
+        rows, columns = np.nonzero(minima)
+        order = np.argsort(total[rows, columns], kind="stable")[:count]
+        chosen = list(zip(rows[order].tolist(), columns[order].tolist(), strict=True))
         # With the base's modulus free the thin and the thick minimum are joined by one valley.
         one_base = not any(BASE_MODULUS in member.entries for member in self.problem.members)
         if one_base and THICKNESS in self.grids[0].values:
             chosen += _rivals(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
         return [place for place in chosen if total[place] <= _HOPELESS * total[chosen[0]]]
 
-    def places(self) -> list[tuple[int, int]]:
-        """Indices (thickness, modulus) of the points of the coarse grid that have a law, best first."""
-        tried = np.zeros(self.misfit.shape, dtype=bool)
-        tried[:: self.steps] = True
-        return self._ranked(tried & np.isfinite(self.misfit))
-
     def vector(self, place: tuple[int, int]) -> FloatArray:
-        """Scaled vector (k,) of a place, given by its indices (thickness, modulus)."""
-        return _vector(self.problem, self.curves, self.grids, place)
+        """Scaled vector (k,) of a place, given by its indices (thickness, modulus).
 
-    def _ranked(self, which: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        rows, columns = np.nonzero(which)
-        order = np.argsort(self.misfit[rows, columns], kind="stable")
-        return list(zip(rows[order].tolist(), columns[order].tolist(), strict=True))
+        Of the values that each curve found there a shared parameter takes the mean.
+        """
+        coordinates = self.problem.coordinates
+        found: list[list[float]] = [[] for _ in coordinates]
+        for member, curve, grid in zip(self.problem.members, self.curves, self.grids, strict=True):
+            values = {path: float(value[place]) for path, value in grid.values.items()}
+            values |= curve.linear({**member.base, **values})
+            for path, entry in member.entries.items():
+                if path in values:
+                    coordinate = coordinates[entry]
+                    value = min(max(values[path], coordinate.low), coordinate.high)
+                    if value > 0.0 or coordinate.scale is not None:
+                        found[entry].append(coordinate.scaled(value))
+        return np.array([sum(values) / len(values) if values else 0.0 for values in found])
 
 
 def _rivals(
@@ -328,23 +381,6 @@ def _rivals(
     return added
 
 
-def _vector(
-    problem: Problem, curves: Sequence[ScanCurve], grids: Sequence[_Grid], place: tuple[int, int]
-) -> FloatArray:
-    """Scaled vector (k,) of the values that each curve found at a place; a shared parameter takes the mean."""
-    found: list[list[float]] = [[] for _ in problem.coordinates]
-    for member, curve, grid in zip(problem.members, curves, grids, strict=True):
-        values = {path: float(value[place]) for path, value in grid.values.items()}
-        values |= curve.linear({**member.base, **values})
-        for path, entry in member.entries.items():
-            if path in values:
-                coordinate = problem.coordinates[entry]
-                value = min(max(values[path], coordinate.low), coordinate.high)
-                if value > 0.0 or coordinate.scale is not None:
-                    found[entry].append(coordinate.scaled(value))
-    return np.array([sum(values) / len(values) if values else 0.0 for values in found])
-
-
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
     blocks = Blocks.of(_way_in(member), _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
@@ -352,7 +388,12 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
     tried = [path for path in free if path in _TRIED]
     forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL, tried)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
-    kink = kink_of(member.curve, free[CONTACT]) if CONTACT in free and _is_straight(member) else None
+    scene = member.scene
+    # On such a tip the force rises in a straight line from contact on.
+    is_straight = (
+        scene.indenter.has_edge and scene.layer.stiffening is None and member.forward.history is None
+    )
+    kink = kink_of(member.curve, free[CONTACT]) if CONTACT in free and is_straight else None
     contacts = tried_contacts(free, blocks, member.base[CONTACT]) if kink is None else np.array([kink])
     if len(contacts) > 1:
         first = _first_within_reach(member, float(contacts[0]))
@@ -375,12 +416,6 @@ def _first_within_reach(member: Member, contact: float) -> float:
     except RangeError as error:
         return contact if error.max_depth is None else deepest - _REACH * error.max_depth
     return contact
-
-
-def _is_straight(member: Member) -> bool:
-    """Whether the force rises in a straight line from contact on."""
-    scene = member.scene
-    return scene.indenter.has_edge and scene.layer.stiffening is None and member.forward.history is None
 
 
 def kink_of(curve: Curve, contact: Coordinate) -> float | None:
@@ -474,11 +509,10 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
     `thicknesses` are in m and `bases` are moduli (Pa) of the base; either may be empty.
     """
     rows: dict[str, float | FloatArray] = dict(member.base)
-    count = max(thicknesses.size, 1)
     if thicknesses.size:
         rows[THICKNESS] = np.tile(thicknesses, max(bases.size, 1))
     if bases.size:
-        rows[BASE_MODULUS] = np.repeat(bases, count)
+        rows[BASE_MODULUS] = np.repeat(bases, max(thicknesses.size, 1))
     laws = curve.laws(rows)
     found = curve.best_contact(rows, laws)
     return curve.refined(rows, laws, found) if len(curve.contacts) > 1 else found

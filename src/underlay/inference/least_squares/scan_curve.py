@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, pairwise
-from types import EllipsisType
+from itertools import groupby
 from typing import Any, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -242,7 +241,9 @@ class LawRows:
             if batch is not None:
                 return cls(*scales, possible, shared, forward.over, batch, places)
         end = 0
-        forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
+        starts = np.cumsum([0, *(len(group) for _, group in rows_of[:-1])])
+        deepest_of = np.maximum.reduceat(depths, starts).tolist()
+        forward.laws.laws_of([key for key, _ in rows_of], deepest_of)
         for key, group in rows_of:
             part = slice(end, end := end + len(group))
             law, possible[part] = _reaching(forward, key, depths[part])
@@ -294,14 +295,7 @@ def _reaching(
     return forward.laws.law(ratios, float(depths[within].max())), within
 
 
-def _deepest(depths: FloatArray, groups: Sequence[tuple[tuple[float, ...], Sequence[object]]]) -> list[float]:
-    """Largest of the depths (m), (r,), in each group of neighbouring rows."""
-    ends = np.cumsum([0] + [len(group) for _, group in groups])
-    return [float(depths[start:stop].max()) for start, stop in pairwise(ends.tolist())]
-
-
-@dataclass(frozen=True)
-class GridFit:
+class GridFit(NamedTuple):
     """Fit of one curve at the r rows of a grid.
 
     Parameters
@@ -327,15 +321,11 @@ class GridFit:
     def better(self, other: GridFit) -> GridFit:
         """Take from each row the fit, this or the other, of the smaller misfit."""
         lower = other.misfit < self.misfit
-        pairs = (
-            (self.misfit, other.misfit),
-            (self.contact, other.contact),
-            (self.amplitude, other.amplitude),
-            (self.lowest, other.lowest),
-        )
-        misfit, contact, amplitude, lowest = (np.where(lower, theirs, ours) for ours, theirs in pairs)
-        residuals = np.where(lower[:, None], other.residuals, self.residuals)
-        return GridFit(misfit, contact, amplitude, lowest, residuals)
+
+        def chosen(ours: FloatArray, theirs: FloatArray) -> FloatArray:
+            return np.where(lower if ours.ndim == 1 else lower[:, None], theirs, ours)
+
+        return GridFit(*map(chosen, self, other))
 
 
 class _Tried(NamedTuple):
@@ -357,10 +347,6 @@ class _Tried(NamedTuple):
     shapes: FloatArray
     amplitude: FloatArray
     misfit: FloatArray
-
-    def residuals(self, which: tuple[NDArray[np.intp], NDArray[np.intp]] | EllipsisType = ...) -> FloatArray:
-        """Residuals (N) of the blocks, (r, c, m), or at the (row, contact) indices `which`, (i, m)."""
-        return np.asarray(self.target - self.amplitude[which][..., None] * self.shapes[which])
 
 
 @dataclass(frozen=True)
@@ -403,7 +389,8 @@ class ScanCurve:
             adjacent = (tried.misfit[inside, best[inside] + i] for i in (-1, 0, 1))
             lowest[inside] += self._step * _steps_to_lowest(*adjacent)
         amplitude, misfit = tried.amplitude[chosen], tried.misfit[chosen]
-        return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
+        residuals = tried.target - amplitude[:, None] * tried.shapes[chosen]
+        return GridFit(misfit, contact, amplitude, lowest, residuals)
 
     def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
         """Fit every row of numbers at three contact depths about the best one found, and keep the better fit.

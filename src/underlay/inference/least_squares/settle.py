@@ -1,5 +1,7 @@
 """Fit all readings from one start, estimating the noise again until the weights no longer change.
 
+The engine searches; lmfit, whose minimisers its users know, confirms an optimum and minimises robust losses.
+
 The noise is estimated where it was not given, and computed again where it follows the model. Its numbers are found
 by restricted maximum likelihood at the current optimum (Harville 1977, doi:10.1080/01621459.1977.10480998): minus
 log-likelihood plus half the logarithm of det(J'V^-1 J), with J the derivatives of the model and V the covariance of
@@ -9,6 +11,7 @@ the noise, which accounts for the parameters already fitted. For white noise of 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,14 +23,24 @@ from scipy.linalg import lapack
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import FINE, GiveUp, Minimum, minimise
-from underlay.inference.least_squares.lmfit_bridge import LmfitOptimum, Minimiser
-from underlay.inference.least_squares.models import FrozenNoise, freeze
-from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.engine import FINE, GiveUp, minimise
+from underlay.inference.least_squares.models import LOSSES, SQUARES, FrozenNoise, freeze
+from underlay.inference.least_squares.objective import BaseSteps, Objective
+from underlay.inference.least_squares.projection import acting
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 from underlay.scene.noise import NoiseModel
 
+#: lmfit's minimisers that a fit may name: Levenberg-Marquardt (MINPACK), trust region.
+METHODS = ("leastsq", "least_squares")
+# Relative tolerance of a step and of the sum of squares: lmfit's own (1.5e-8) lets a fit stop where two unit
+# systems differ in the sixth digit.
+_TOLERANCE = 1e-8
+# Evaluations at most: from an optimum three are usual, from a robust start ten; a valley without an end takes
+# hundreds.
+_MOST_EVALUATIONS = 300
+# What lmfit allows in no name.
+_UNNAMEABLE = re.compile(r"\W+")
 # Relative change of the weights that counts as none: it moves a fit by less than its numerical tolerance times
 # sigma.
 _SETTLED = 1e-4
@@ -54,23 +67,81 @@ _SWINGING = 0.05
 
 
 @dataclass(frozen=True)
-class Renewal:
-    """Noise estimated or computed again at an optimum.
+class Minimiser:
+    """One of lmfit's minimisers, with the loss function that it minimises.
 
     Parameters
     ----------
-    vector : FloatArray
-        Scaled vector with the new numbers of the noise, (k,).
-    noise : FrozenNoise
-        Frozen noise there.
-    settled : bool
-        Whether the parameters need no further fit: the weights are those they were fitted with, or only their
-        common size changed, which moves nothing.
+    method : {"leastsq", "least_squares"}
+        Levenberg-Marquardt (MINPACK) or trust region.
+    loss : str, optional
+        One of `LOSSES`, for which the method must be ``"least_squares"``; by default the sum of squares.
     """
 
-    vector: FloatArray
-    noise: FrozenNoise
-    settled: bool
+    method: str = "leastsq"
+    loss: str | None = None
+
+    def __call__(self, objective: Objective, start: FloatArray) -> tuple[FloatArray, Any]:
+        """Minimise the weighted sum of squares, or its robust loss, from a scaled vector (k,).
+
+        Returns
+        -------
+        vector : FloatArray
+            The optimum, (k,).
+        result : MinimizerResult
+            lmfit's, whose values are scaled parameters.
+        """
+        # The engine alone needs no lmfit, and it takes a second to load.
+        import lmfit  # noqa: PLC0415
+
+        active = objective.active
+        names = [_UNNAMEABLE.sub("_", objective.problem.names[i]).strip("_") for i in active]
+        low, high = objective.problem.bounds.T
+        parameters: Any = [
+            lmfit.Parameter(name, value=float(start[i]), min=float(low[i]), max=float(high[i]))
+            for name, i in zip(names, active, strict=True)
+        ]
+        if self.method == "least_squares":
+            # leastsq takes the list as it is and spares itself a copy.
+            parameters, named = lmfit.Parameters(), parameters
+            parameters.add_many(*named)
+
+        def vector(current: Any) -> FloatArray:
+            full: FloatArray = np.array(start)
+            full[active] = [current[name].value for name in names]
+            return full
+
+        def jacobian(current: Any) -> FloatArray:
+            columns = objective.jacobian(vector(current), rough=True)[:, active]
+            # The minimiser leaves an entry whose column is zero where it is.
+            return np.where(acting(np.linalg.norm(columns, axis=0)), columns, 0.0)
+
+        options: dict[str, Any] = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": 0.0}
+        if self.method == "least_squares":
+            options |= {"gtol": None, "loss": self.loss or "linear"}
+        rho = (LOSSES[self.loss] if self.loss else SQUARES).rho
+        least, lowest, its_residuals = np.inf, start, np.zeros(0)
+
+        def residuals(current: Any) -> FloatArray:
+            nonlocal least, lowest, its_residuals
+            there = vector(current)
+            found = objective.residuals(there)
+            loss = float(rho(found * found).sum())
+            if loss < least:
+                # A copy: a minimiser may write into what it is given.
+                least, lowest, its_residuals = loss, there, found.copy()
+            return found
+
+        minimiser = lmfit.Minimizer(residuals, parameters, max_nfev=_MOST_EVALUATIONS)
+        result = minimiser.minimize(method=self.method, Dfun=jacobian, **options)
+        if result.aborted:
+            # What lmfit then says is the place asked last, not the best; and of leastsq it is memory that MINPACK
+            # has given back, which may hold any numbers by now.
+            for name, i in zip(names, active, strict=True):
+                result.params[name].value = float(lowest[i])
+            result.residual = its_residuals
+            result._calculate_statistics()  # noqa: SLF001  there is no public way to tell it the residuals
+        return vector(result.params), result
 
 
 def first_noises(problem: Problem, vector: FloatArray) -> tuple[NoiseModel, ...]:
@@ -81,7 +152,7 @@ def first_noises(problem: Problem, vector: FloatArray) -> tuple[NoiseModel, ...]
     )
 
 
-def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
+def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> tuple[FloatArray, FrozenNoise, bool]:
     """Estimate the noise at an optimum of the other parameters, or compute it again there.
 
     Parameters
@@ -92,6 +163,16 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
         Scaled vector of the optimum, (k,).
     robust : bool
         Whether an unknown size comes from the median of the residuals, so that outliers do not count.
+
+    Returns
+    -------
+    vector : FloatArray
+        Scaled vector with the new numbers of the noise, (k,).
+    noise : FrozenNoise
+        Frozen noise there.
+    settled : bool
+        Whether the parameters need no further fit: the weights are those they were fitted with, or only their
+        common size changed, which moves nothing.
     """
     problem = objective.problem
     if problem.noise_entries:
@@ -100,7 +181,7 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
         vector = most_likely(problem, vector, sorted(problem.noise_entries), linear)
     noises, sized = problem.noises(vector), any(member.scale_is_unknown for member in problem.members)
     if not (problem.noise_entries or sized or any(noise.follows_force for noise in noises)):
-        return Renewal(vector, objective.noise, settled=True)
+        return vector, objective.noise, True
     if sized:
         sizes = _sizes(objective, vector, robust=robust)
         noises = tuple(
@@ -108,14 +189,14 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
             for member, noise, size in zip(problem.members, noises, sizes, strict=True)
         )
     renewed = freeze(problem, vector, noises)
-    return Renewal(vector, renewed, _is_settled(objective, renewed, robust=robust))
+    return vector, renewed, _is_settled(objective, renewed, robust=robust)
 
 
 def _is_settled(objective: Objective, renewed: FrozenNoise, *, robust: bool) -> bool:
     old = objective.noise
     ratios = [new / before for new, before in zip(renewed.sigmas, old.sigmas, strict=True)]
     common = 1.0
-    if not objective.has_measured_priors and not robust:
+    if not objective.informative and not robust:
         # Without a prior or a loss to weigh against, a common factor of all sigmas moves nothing.
         common = float(np.mean([ratio.mean() for ratio in ratios]))
     alike = all(
@@ -281,22 +362,15 @@ class Optimum:
         return None if self.minimiser is None else self.minimiser.loss
 
     @cached_property
-    def jacobian(self) -> FloatArray:
-        """Derivatives of the whitened residuals in the scaled parameters at the optimum, (n + priors, k)."""
-        return self.objective.jacobian(self.vector)
-
-    @cached_property
     def triangle(self) -> FloatArray:
-        """R of the QR decomposition of `jacobian`, (k, k), with the same singular values and directions."""
-        jacobian = self.jacobian
+        """R of the QR decomposition, (k, k), of the whitened residuals' derivatives in the scaled parameters.
+
+        It has the same singular values and directions as these.
+        """
+        jacobian = self.objective.jacobian(self.vector)
         count = jacobian.shape[1]
         # As numpy.linalg.qr has it, without the calls.
         return np.asarray(lapack.dgeqrf(jacobian)[0][:count] * np.tri(count).T)
-
-    @cached_property
-    def loss(self) -> float:
-        """Minus twice the log-likelihood at the optimum; see `Objective.loss`."""
-        return self.objective.loss(self.vector)
 
 
 def settle(
@@ -337,11 +411,10 @@ def settle(
     for _ in range(_MAX_ROUNDS):
         if found is None:
             return None
-        renewal = renew(objective, found.vector, robust=robust is not None)
-        objective.noise = renewal.noise
-        if renewal.vector is not found.vector:
-            found = replace(found, vector=renewal.vector)
-        if renewal.settled:
+        vector, objective.noise, settled = renew(objective, found.vector, robust=robust is not None)
+        if vector is not found.vector:
+            found = replace(found, vector=vector)
+        if settled:
             break
         found = _searched(objective, found.vector, robust, steps)
     return found
@@ -357,34 +430,27 @@ def _searched(
     if not objective.active:
         return Optimum(objective, start, success=True, message="nothing to vary.")
     if robust is not None:
-        return _by_lmfit(objective, robust, robust(objective, start))
+        return by_lmfit(objective, robust, start)
     search = FINE
-    if objective.bases is None:
+    if not any(isinstance(course, BaseSteps) for course in objective.courses):
         search = replace(_KNOWN_BASE, swinging=_SWINGING / objective.points)
     if steps is not None:
         search = replace(search, steps=steps)
     if not objective.asked.in_batches:
         search = replace(search, longest=_CAREFUL)
-    found: Minimum | None = minimise(objective, start, search, give_up)
+    found = minimise(objective, start, search, give_up)
+    if found is None and give_up:
+        return None
     if found is None:
         # The law exists at the start, but not close to it.
-        return (
-            None
-            if give_up
-            else Optimum(objective, start, success=False, message="no contact law beside the start")
-        )
+        return Optimum(objective, start, success=False, message="no contact law beside the start")
     # No law was computed after the last step, which may lead to where there is none.
     known = objective.follows(found.vector, found.point.square) or objective.exists(found.vector)
     vector = found.vector if known else found.point.vector
     return Optimum(objective, vector, found.success, found.message)
 
 
-def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:
-    """The optimum that lmfit finds from this one, with lmfit's result; unchanged where no parameter varies."""
-    if not optimum.objective.active:
-        return replace(optimum, minimiser=lmfit)
-    return _by_lmfit(optimum.objective, lmfit, lmfit(optimum.objective, optimum.vector))
-
-
-def _by_lmfit(objective: Objective, lmfit: Minimiser, said: LmfitOptimum) -> Optimum:
-    return Optimum(objective, said.vector, said.success, said.message, lmfit, said.result)
+def by_lmfit(objective: Objective, lmfit: Minimiser, start: FloatArray) -> Optimum:
+    """The optimum that lmfit finds from a scaled vector (k,), with lmfit's result."""
+    vector, result = lmfit(objective, start)
+    return Optimum(objective, vector, bool(result.success), str(result.message), lmfit, result)

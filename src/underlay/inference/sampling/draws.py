@@ -19,10 +19,9 @@ from underlay.errors import FitError, InputError, UnderlayError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.diagnostics import LEVELS, Importance, chain_errors, memory, quantile_errors
-from underlay.inference.uncertainty.adapt import Kernels
 from underlay.inference.uncertainty.likelihood import Likelihood
-from underlay.inference.uncertainty.linear import Mixture
-from underlay.inference.uncertainty.mixture import pareto_shape, weighted_quantiles
+from underlay.inference.uncertainty.mixture import Mixture, pareto_shape, weighted_quantiles
+from underlay.inference.uncertainty.proposal import Kernels
 from underlay.inference.uncertainty.reading import DrawnReading, LinearReading, Reading
 from underlay.inference.uncertainty.tree import NothingDrawnError
 

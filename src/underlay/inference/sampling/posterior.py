@@ -101,11 +101,6 @@ class SampledReading(Reading):
         """Equal weights, (m,), that sum to 1."""
         return np.full(len(self.draws), 1.0 / len(self.draws))
 
-    @cached_property
-    def deviations(self) -> FloatArray:
-        """Standard deviations (k,) of the draws."""
-        return np.asarray(self.draws.std(axis=0))
-
 
 @dataclass(frozen=True, eq=False)
 class SampledStatement(Statement):

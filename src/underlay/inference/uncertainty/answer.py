@@ -1,4 +1,4 @@
-"""The number of one quantity as people read it: a value, its intervals, and an uncertainty budget.
+"""What people read of a fit: the number of one quantity, its verdict, and the modulus at each depth.
 
 Everything that is printed of a fit, a posterior, a row of a map or a film is an `Answer`. The statistical and the
 systematic part of an interval have the same confidence and add in quadrature, in the logarithm of quantities that
@@ -8,14 +8,18 @@ are positive by nature.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import TypeAlias
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 
+#: Names of the four moduli, in the order of the table.
+KINDS = ("apparent", "incremental", "apparent_halfspace", "incremental_halfspace")
 #: Half width of a normal 95 % interval in standard deviations.
 NORMAL_95 = 1.96
 
@@ -206,30 +210,6 @@ class Advice:
         return (*own, *(other.reason for other in self.others))
 
 
-class States(Protocol):
-    """Interface of the object that answers for a fit; its one implementation is `statement.Statement`."""
-
-    def answer(self, name: str, level: float = 0.95) -> Answer:
-        """The `Answer` of one quantity: value, intervals and budget at a confidence level."""
-
-    def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Lower ends, middles and upper ends, (n,) each, at `level`, of what `of` makes of scaled vectors."""
-
-    def modulus_by_depth(self, curve: int, points: int, level: float) -> Any:
-        """Young's modulus fitted at each depth of one curve: a `PointwiseModulus`."""
-
-    def refit(self, problem: Any) -> Any:
-        """Fit another problem, with the values of its scenes as the starting point."""
-
-    @property
-    def verdict(self) -> Advice:
-        """Advice on whether the fit can be used: good, check or reject."""
-
-    @property
-    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
-        """d ln(value) / d ln(input), by fitted number and by input."""
-
-
 def answers_table(answers: Iterable[Answer]) -> pd.DataFrame:
     """A table with one row for each answer: value, combined, statistical and systematic ends (SI), and the unit."""
     rows = {
@@ -246,3 +226,83 @@ def answers_table(answers: Iterable[Answer]) -> pd.DataFrame:
         for known in answers
     }
     return pd.DataFrame.from_dict(rows, orient="index")
+
+
+@dataclass(frozen=True, eq=False)
+class ModulusCurve:
+    """One kind of modulus at every depth.
+
+    Parameters
+    ----------
+    modulus, low, high : FloatArray
+        The modulus and its interval (Pa), (n,); NaN where no modulus reproduces the curve there: the noise of a
+        slope may make it negative.
+    expected : FloatArray
+        The modulus if the fitted model were right (Pa), (n,).
+    """
+
+    modulus: FloatArray
+    low: FloatArray
+    high: FloatArray
+    expected: FloatArray
+
+    def at(self, which: NDArray[np.bool_]) -> ModulusCurve:
+        """The depths that a mask (n,) selects."""
+        return ModulusCurve(self.modulus[which], self.low[which], self.high[which], self.expected[which])
+
+
+@dataclass(frozen=True, eq=False)
+class PointwiseModulus:
+    """Modulus of the layer at each depth of one curve.
+
+    Parameters
+    ----------
+    name : str
+        Name of the curve.
+    depth : FloatArray
+        Tip depth since contact (m), (n,).
+    force : FloatArray
+        Contact force there (N), (n,), without the baseline.
+    points : FloatArray
+        Number of readings averaged at each depth, (n,).
+    apparent, incremental : ModulusCurve
+        For the layer with its thickness and base, from the force and from its local slope.
+    apparent_halfspace, incremental_halfspace : ModulusCurve
+        The same two moduli by the formula of a half-space.
+    layered : bool
+        Whether there is anything under the layer; otherwise both pairs are the same.
+    level : float
+        Confidence of the intervals, point by point.
+    change : float
+        ln of the modulus at full depth over that at a tenth of it, were contact point, baseline and all else that
+        is free fitted together with it. At the fit's own contact point a part of it is hidden.
+    trend : str
+        ``"constant"`` unless the change exceeds four of its standard deviations; else ``"rising"`` or
+        ``"falling"``.
+    """
+
+    name: str
+    depth: FloatArray
+    force: FloatArray
+    points: FloatArray
+    apparent: ModulusCurve
+    incremental: ModulusCurve
+    apparent_halfspace: ModulusCurve
+    incremental_halfspace: ModulusCurve
+    layered: bool
+    level: float
+    change: float
+    trend: str
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per depth (SI): depth, force, points, and of each modulus value, low, high and expected.
+
+        Columns are named as in ``apparent``, ``apparent.low``, ``apparent.high``, ``apparent.expected``.
+        """
+        columns = {"depth": self.depth, "force": self.force, "points": self.points.astype(int)}
+        for kind in KINDS if self.layered else KINDS[:2]:
+            curve: ModulusCurve = getattr(self, kind)
+            columns[kind] = curve.modulus
+            columns |= {f"{kind}.{end}": getattr(curve, end) for end in ("low", "high", "expected")}
+        return pd.DataFrame(columns)

@@ -9,9 +9,9 @@ shapes has one row of shifts for each; each row is a pair, for the input lowered
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from underlay.scene.scene import Scene, has_face, unknown_faces, with_bond
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.model.forward import Reading
+    from underlay.inference.model.forward import Forward, Reading
     from underlay.inference.model.members import Member
 
 #: Function from forces (N), one array for each curve, to the shift (k,) of the scaled vector by them.
@@ -97,19 +97,19 @@ def sources_of(
     """
     if fit.problem.base_scenes[0].uncertainties == "none":
         return ()
-    readings = [member.reading(fit.problem.physical(fit.vector)) for member in fit.problem.members]
-    budget = _Budget(fit, moved, refit, readings)
+    curves = [CurveAtOptimum.of(fit, member) for member in fit.problem.members]
+    budget = _Budget(fit, moved, refit, curves)
     return tuple(source for source in budget.sources() if np.any(source.moves))
 
 
 @dataclass(frozen=True, eq=False)
 class _Budget:
-    """Computes the sources of systematic error of a fit from its readings at the optimum."""
+    """Computes the sources of systematic error of a fit from its curves at the optimum."""
 
     fit: Fit
     moved: Moved
     refit: Refit
-    readings: Sequence[Reading]
+    curves: Sequence[CurveAtOptimum]
 
     def sources(self) -> Iterator[Source]:
         """Sources of the systematic error: inputs, errors of the model, unstated stiffening, bonds and drainage."""
@@ -156,10 +156,12 @@ class _Budget:
         for sign in (-1.0, 1.0):
             amounts = [
                 sign * (entries[i].up if sign > 0.0 else entries[i].down) if i in entries else 0.0
-                for i in range(len(self.readings))
+                for i in range(len(self.curves))
             ]
             columns = [
-                self._column(source, i, amount, slopes) if amount else np.zeros_like(self.readings[i].force)
+                self._column(source, i, amount, slopes)
+                if amount
+                else np.zeros_like(self.curves[i].reading.force)
                 for i, amount in enumerate(amounts)
             ]
             # If the input were larger by this amount, the same readings would come from another sample: the sign is
@@ -171,14 +173,13 @@ class _Budget:
 
     def _column(self, source: str, i: int, amount: float, slopes: dict[str, list[FloatArray]]) -> FloatArray:
         """Change of the force (N) of curve `i`, (n,), if the input were larger by `amount`."""
-        member, reading = self.fit.problem.members[i], self.readings[i]
+        member, (_, reading, kept, penetration) = self.fit.problem.members[i], self.curves[i]
         if source == HEIGHTS:
             return _of_heights(self.fit, i, amount) - reading.force
         if source in slopes:
             return amount * slopes[source][i]
-        kept = _kept(self.fit, i, reading)
         if source == DEPTH:
-            return amount * kept * reading.stiffness * _penetration(self.fit, i, reading)
+            return amount * kept * reading.stiffness * penetration
         # With a larger scale of the force the same sample gives a smaller reading.
         if source == SPRING_CONSTANT and member.curve.metadata.get(IN_SERIES):
             # The deflection is measured: a stiffer lever presses harder and bends no more.
@@ -220,10 +221,10 @@ class _Budget:
         rows = []
         for power in (1, 2):
             columns = []
-            for i, reading in enumerate(self.readings):
-                w = np.maximum(_penetration(self.fit, i, reading), 0.0)
+            for curve in self.curves:
+                w = np.maximum(curve.penetration, 0.0)
                 s = np.sqrt(w / max(float(w.max()), 1e-300))
-                columns.append(_kept(self.fit, i, reading) * reading.contact * s**power)
+                columns.append(curve.kept * curve.reading.contact * s**power)
             shift = self.moved([NORMAL_95 * _LAW_SIZE / np.sqrt(2.0) * column for column in columns])
             rows.append([-shift, shift])
         return Source(
@@ -240,8 +241,10 @@ class _Budget:
         for error in errors.values():
             try:
                 columns = [
-                    _kept(self.fit, i, reading) * error.column(_pressed(self.fit, i, reading))
-                    for i, reading in enumerate(self.readings)
+                    curve.kept * error.column(curve.pressed(member.forward, scene))
+                    for curve, member, scene in zip(
+                        self.curves, self.fit.problem.members, self.fit.scenes, strict=True
+                    )
                 ]
             except InputError:
                 # The error was not computed at this test's numbers: the report states which errors are not known.
@@ -277,9 +280,10 @@ class _Budget:
             return
         others = [path for path in open_ if path != FORM]
         try:
-            again = self._opened(others, self.fit.scenes)
+            opened = {**problem.free, **dict.fromkeys(others)}
+            again = self.refit(problem.revised(free=opened, scenes=self.fit.scenes, noise=self.fit.noises))
             if FORM in open_:
-                largest = [float(reading.contact.max()) for reading in self.readings]
+                largest = [float(curve.reading.contact.max()) for curve in self.curves]
                 yield Source(*LEFT_OPEN[FORM], "model", shifts_by_form(self.fit, again, largest)[None])
         except (InputError, FitError):
             return
@@ -294,11 +298,6 @@ class _Budget:
             bias = 0.0 if FORM in open_ else way
             yield Source(*LEFT_OPEN[path], "model", np.stack((-rows, rows), axis=1), bias)
 
-    def _opened(self, paths: Sequence[str], scenes: Sequence[Scene]) -> Fit:
-        """The curves fitted again with numbers free, from where the scenes are."""
-        free = {**self.fit.problem.free, **dict.fromkeys(paths)}
-        return self.refit(self.fit.problem.revised(free=free, scenes=scenes, noise=self.fit.noises))
-
     def _bonds(self) -> Iterator[Source]:
         """Sources that are bonds of a face not stated in the scene: the shift if that face slips."""
         problem = self.fit.problem
@@ -307,43 +306,33 @@ class _Budget:
                 with_bond(scene, face, "slip") if has_face(scene, face) else scene
                 for scene in problem.base_scenes
             ]
-            try:
-                again = self.refit(problem.revised(scenes=scenes))
-            except (InputError, FitError):
-                continue
-            move = problem.vector(again.values) - self.fit.vector
-            yield Source(
-                f"bond of {face}", "bonded to slipping", "model", np.array([[np.zeros_like(move), move]])
-            )
+            yield from self._other_test(f"bond of {face}", "bonded to slipping", scenes)
 
     def _drainage(self) -> Iterator[Source]:
         """Source for a tip of unstated drainage: the shift if water leaves through it."""
-        problem = self.fit.problem
-        if not any(scene.drainage == "unknown" for scene in problem.base_scenes):
+        own = self.fit.problem.base_scenes
+        scenes = [replace(one, drainage="porous") if one.drainage == "unknown" else one for one in own]
+        if scenes == list(own):
             return
-        scenes = [
-            replace(scene, drainage="porous") if scene.drainage == "unknown" else scene
-            for scene in problem.base_scenes
-        ]
+        yield from self._other_test("drainage at the tip", "solid to porous", scenes)
+
+    def _other_test(self, name: str, size: str, scenes: Sequence[Scene]) -> Iterator[Source]:
+        """Source that is the shift if the curves come from other scenes; none where these cannot be fitted."""
         try:
-            again = self.refit(problem.revised(scenes=scenes))
+            again = self.refit(self.fit.problem.revised(scenes=scenes))
         except (InputError, FitError):
             return
-        move = problem.vector(again.values) - self.fit.vector
-        yield Source(
-            "drainage at the tip", "solid to porous", "model", np.array([[np.zeros_like(move), move]])
-        )
+        move = self.fit.problem.vector(again.values) - self.fit.vector
+        yield Source(name, size, "model", np.array([[np.zeros_like(move), move]]))
 
 
 def _input_slopes(fit: Fit, paths: set[str]) -> dict[str, list[FloatArray]]:
     """d force / d input (SI), one array (n,) for each curve, by path, for the inputs that act in this scene."""
     together = _slopes_of(fit, sorted(paths))
-    if together is not None or not paths:
-        return together or {}
-    found: dict[str, list[FloatArray]] = {}
-    for path in sorted(paths):
-        found |= _slopes_of(fit, [path]) or {}
-    return found
+    if together is not None:
+        return together
+    alone = [_slopes_of(fit, [path]) or {} for path in sorted(paths)]
+    return {path: slopes for own in alone for path, slopes in own.items()}
 
 
 def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | None:
@@ -365,56 +354,52 @@ def _slopes_of(fit: Fit, paths: Sequence[str]) -> dict[str, list[FloatArray]] | 
         jacobians = [member.jacobian(physical, rough=True)[1] for member in problem.members]
     except UnderlayError:
         return None
-    found = {}
-    for path in paths:
-        entries = [member.entries.get(path) for member in problem.members]
-        found[path] = [
-            np.zeros(len(jacobian)) if entry is None else jacobian[:, entry]
-            for entry, jacobian in zip(entries, jacobians, strict=True)
+    return {
+        path: [
+            jacobian[:, member.entries[path]] if path in member.entries else np.zeros(len(jacobian))
+            for member, jacobian in zip(problem.members, jacobians, strict=True)
         ]
-    return found
+        for path in paths
+    }
 
 
-def _values(fit: Fit, i: int) -> dict[str, float]:
-    return fit.problem.members[i].values_at(fit.problem.physical(fit.vector))
+class CurveAtOptimum(NamedTuple):
+    """One curve of a fit at the optimum.
 
-
-def _compliance(fit: Fit, i: int) -> float:
-    """Compliance (m/N) in series with the contact of curve `i`: frame and lever."""
-    values = _values(fit, i)
-    return float(values[Frame.path] + fit.problem.members[i].forward.lever_compliances(values))
-
-
-def _kept(fit: Fit, i: int, reading: Reading) -> FloatArray:
-    """Share (n,) of a change of the contact force that appears in the reading: 1 / (1 + C dP/dw).
-
-    C is the compliance in series with the contact, P the contact force, w the depth of the tip.
+    Parameters
+    ----------
+    values : mapping of str to float
+        Every number of the scene (SI) by path.
+    reading : Reading
+        The model's.
+    kept : FloatArray
+        Share (n,) of a change of the contact force that appears in the reading: 1 / (1 + C dP/dw), with C the
+        compliance of frame and lever in series with the contact, P the contact force and w the depth of the tip.
+    penetration : FloatArray
+        Indentation depth of the tip (m), (n,); negative before contact.
     """
-    return np.asarray(1.0 / (1.0 + _compliance(fit, i) * reading.stiffness))
 
+    values: Mapping[str, float]
+    reading: Reading
+    kept: FloatArray
+    penetration: FloatArray
 
-def _penetration(fit: Fit, i: int, reading: Reading) -> FloatArray:
-    """Indentation depth of the tip (m), (n,), at the readings of curve `i`; negative before contact."""
-    forward = fit.problem.members[i].forward
-    gone = _values(fit, i)[ContactDepth.path] + _compliance(fit, i) * reading.contact
-    return np.asarray(forward.depth - gone)
+    @classmethod
+    def of(cls, fit: Fit, member: Member) -> Self:
+        """Compute the model of a fitted curve."""
+        values = member.values_at(fit.problem.physical(fit.vector))
+        reading = member.forward.reading(values)
+        compliance = float(values[Frame.path] + member.forward.lever_compliances(values))
+        gone = values[ContactDepth.path] + compliance * reading.contact
+        kept = np.asarray(1.0 / (1.0 + compliance * reading.stiffness))
+        return cls(values, reading, kept, np.asarray(member.forward.depth - gone))
 
-
-def _pressed(fit: Fit, i: int, reading: Reading) -> Pressed:
-    """State of the test of curve `i` at the optimum, as functions of known errors take it."""
-    member, values = fit.problem.members[i], _values(fit, i)
-    depth = _penetration(fit, i, reading)
-    deepest = max(float(depth.max()), 0.0)
-    scene = fit.scenes[i]
-    return Pressed(
-        values,
-        member.forward.law(values, deepest),
-        depth,
-        reading.contact,
-        reading.stiffness,
-        made=lambda: scene,
-        by=lambda solver: scene.elastic.contact_law(deepest, solver=solver),
-    )
+    def pressed(self, forward: Forward, scene: Scene) -> Pressed:
+        """State of the test, of this model and fitted scene, as functions of known errors take it."""
+        law = forward.law(self.values, max(float(self.penetration.max()), 0.0))
+        return Pressed(
+            self.values, law, self.penetration, self.reading.contact, self.reading.stiffness, scene
+        )
 
 
 def _of_heights(fit: Fit, i: int, share: float) -> FloatArray:

@@ -74,18 +74,23 @@ class Columns:
         `baseline` (k,) says which derivatives are those of the instrument's baseline: a ramp or a turn is what
         they leave of it, else a free slope of the baseline would be as uncertain as the ramp beside it.
         """
-        v = _root_depth(tangent.penetration)
+        share = tangent.penetration / max(float(tangent.penetration.max()), _TINY)
+        v = np.sqrt(np.clip(share, 0.0, 1.0))
         n, residual = len(measured), measured - tangent.force
-        turns, share = _turns(residual, tangent.columns, tangent.contact)
-        drifts = _left_by(
-            tangent.columns[:, baseline], np.hstack((np.linspace(-1.0, 1.0, n)[:, None], turns))
-        )
+        turns, turn_share = _turns(residual, tangent.columns, tangent.contact)
+        drifts = np.hstack((np.linspace(-1.0, 1.0, n)[:, None], turns))
+        flat = tangent.columns[:, baseline]
+        drifts = drifts - flat @ np.linalg.lstsq(flat, drifts, rcond=None)[0]
+        # Of the force P and of dP/dw, each scaled to 1 at its largest; zeros where no reading is in contact.
+        pressed = (tangent.contact, tangent.stiffness)
+        basis = _smooth_basis(v)
+        misfits = [basis * (a / max(float(np.abs(a).max()), _TINY))[:, None] for a in pressed]
         parts = [
             tangent.columns,
-            _steps(tangent.penetration),
+            _steps(share),
             drifts[:, :1],
             drifts[:, 1:],
-            *_misfits(tangent, v),
+            *misfits,
             _line(residual, tangent.columns),
             residual[:, None],
         ]
@@ -93,25 +98,10 @@ class Columns:
         places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         law, step, ramp, turn, *families, last = places
         alone = [slice(i, i + 1) for i in range(turn.start, turn.stop)]
-        return cls(np.hstack(parts), law, step, ramp, turn, (*families, *alone), last, v, share)
+        return cls(np.hstack(parts), law, step, ramp, turn, (*families, *alone), last, v, turn_share)
 
 
-def _left_by(columns: FloatArray, drifts: FloatArray) -> FloatArray:
-    """What columns (n, b) of the baseline leave of drifts (n, d)."""
-    return drifts - columns @ np.linalg.lstsq(columns, drifts, rcond=None)[0]
-
-
-def _misfits(tangent: Tangent, v: FloatArray) -> list[FloatArray]:
-    """Columns (n, rank) of both misfits: of the force P and of dP/dw, each scaled to 1 at its largest.
-
-    Zeros where no reading is in contact.
-    """
-    basis = smooth_basis(v)
-    tops = ((a, max(float(np.abs(a).max()), _TINY)) for a in (tangent.contact, tangent.stiffness))
-    return [basis * (a / top)[:, None] for a, top in tops]
-
-
-def smooth_basis(v: FloatArray) -> FloatArray:
+def _smooth_basis(v: FloatArray) -> FloatArray:
     """Columns (n, rank) that span a smooth random function of v, the root of the relative depth, 0 <= v <= 1.
 
     Principal components of a stationary process with correlation exp(-|dv| / 0.5), by interpolation in a table;
@@ -130,14 +120,9 @@ def _eigenvectors() -> FloatArray:
     return np.asarray(vectors[:, : -_RANK - 1 : -1] * np.sqrt(values[: -_RANK - 1 : -1]))
 
 
-def _root_depth(penetration: FloatArray) -> FloatArray:
-    deepest = max(float(penetration.max()), _TINY)
-    return np.sqrt(np.clip(penetration / deepest, 0.0, 1.0))
-
-
-def _steps(penetration: FloatArray) -> FloatArray:
-    deepest = max(float(penetration.max()), _TINY)
-    rise = (penetration[:, None] / deepest - _PLACES) / _WIDTHS + 0.5
+def _steps(share: FloatArray) -> FloatArray:
+    """Columns (n, 8) of steps about contact, at depths of the tip over the largest, (n,)."""
+    rise = (share[:, None] - _PLACES) / _WIDTHS + 0.5
     return np.asarray(np.clip(rise, 0.0, 1.0) / len(_PLACES) ** 0.5)
 
 

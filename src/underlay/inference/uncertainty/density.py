@@ -20,18 +20,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from underlay._arrays import FloatArray
+from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.moments import CurveMoments
-from underlay.inference.uncertainty.tree import CurveModel, Tangent, log_posterior, log_prior, scales_force
-
-if TYPE_CHECKING:
-    from underlay.inference.uncertainty.weighed import CurveState, Weighed
+from underlay.inference.uncertainty.tree import CurveModel, Tangent, scales_force
 
 _SINGULAR = 1e-11  # added to the unit diagonal of a scaled matrix, for nearly undetermined directions
 
@@ -47,15 +45,21 @@ class Place(NamedTuple):
     columns: FloatArray
 
 
+class Node(NamedTuple):
+    """A scaled vector (k,) on a ridge, and the curves linearised there."""
+
+    vector: FloatArray
+    places: Sequence[Place]
+
+
 class Local(NamedTuple):
     """Local expansion of each of the m hypotheses' log-densities at a vector.
 
-    `level` is ln (w_m p_m) there and `best` its largest value anywhere, (m,) each; `pull` (m, k) and `normal` (m,
-    k, k) are gradient and curvature of half a sum of squares, without the prior's.
+    `level` is ln (w_m p_m) there, (m,); `pull` (m, k) and `normal` (m, k, k) are gradient and curvature of half a
+    sum of squares, without the prior's.
     """
 
     level: FloatArray
-    best: FloatArray
     pull: FloatArray
     normal: FloatArray
 
@@ -75,7 +79,7 @@ class DensityCurve:
     acts: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, state: CurveState, vector: FloatArray, bends: FloatArray | None) -> DensityCurve:
+    def of(cls, state: Any, vector: FloatArray, bends: FloatArray | None) -> DensityCurve:
         """One curve at the optimum `vector` (k,); `bends` (n, p) are further directions with moments, or None."""
         moments = CurveMoments.of(state.columns, state.hypotheses, state.table, state.growth, bends)
         contact, force, _ = state.model.forces(vector[None])
@@ -111,7 +115,7 @@ class Density:
 
     Parameters
     ----------
-    likelihood : Weighed
+    likelihood : Likelihood
         Curves of a fit and their hypotheses.
     curves : tuple of DensityCurve
         One for each curve.
@@ -123,14 +127,14 @@ class Density:
         Inverse of the moments' covariance V_m, (m, k, k).
     """
 
-    likelihood: Weighed
+    likelihood: Any
     curves: tuple[DensityCurve, ...]
     kept: NDArray[np.intp]
     height: FloatArray
     precision: FloatArray
 
     @classmethod
-    def of(cls, likelihood: Weighed, bends: Sequence[FloatArray] | None = None) -> Density:
+    def of(cls, likelihood: Any, bends: Sequence[FloatArray] | None = None) -> Density:
         """Density with moments of the model's derivatives and, per curve, of further directions `bends` (n, p)."""
         vector, kept = likelihood.fit.vector, likelihood.entries
         curves = tuple(
@@ -156,10 +160,10 @@ class Density:
 
     def log(self, vectors: FloatArray) -> FloatArray:
         """Log-density (sets,) at scaled vectors (sets, k); -inf outside the bounds or without a contact law."""
-        problem = self.likelihood.fit.problem
+        problem: Problem = self.likelihood.fit.problem
         if not problem.noise_is_open:
-            return log_posterior(problem, vectors)
-        found = log_prior(problem, vectors)
+            return problem.log_posterior(vectors)
+        found = problem.log_prior(vectors)
         inside = np.flatnonzero(np.isfinite(found))
         if not inside.size:
             return found
@@ -204,13 +208,13 @@ class Density:
         normal += np.swapaxes(turns, 1, 2) @ weighted
         for one in np.flatnonzero(self._whole):
             pull[one], normal[one] = self._whole_slopes(int(one), places[0])
-        return Local(self.levels(fallen)[0], self.height, pull, normal)
+        return Local(self.levels(fallen)[0], pull, normal)
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
         """Mask (m,) of hypotheses for which the whole sum of squares is used: only where the fit has one curve."""
         whole = self.curves[0].moments.is_whole[self.likelihood.combined.rows[0]]
-        return whole & (len(self.curves) == 1)
+        return np.asarray(whole & (len(self.curves) == 1))
 
     def _moments(self, fallen: Sequence[FloatArray]) -> FloatArray:
         """Moments t of the residuals, (sets, m, k), of all curves, from each one's change of reading (sets, n)."""

@@ -140,7 +140,7 @@ class _Sizes:
             low, high = (np.tile(end, (len(starts), 1)) for end in self.objective.problem.bounds.T)
             begin = self.objective.places(np.clip(starts, low, high), low, high)
             known = np.isfinite(begin.square)
-            ends = descend(self.objective, begin.part(known), low[known], high[known], _SEARCH)
+            ends = descend(self.objective, begin[known], low[known], high[known], _SEARCH)
             sizes = [size for (size, _), is_known in zip(left, known.tolist(), strict=True) if is_known]
             self.best.update({size: end for size, end in zip(sizes, ends, strict=True) if end is not None})
 
@@ -155,6 +155,6 @@ class _Sizes:
             pull = normal[np.ix_(others, self.held)] @ change
             step[0, others] = -share * np.linalg.pinv(normal[np.ix_(others, others)], hermitian=True) @ pull
             for course in self.objective.courses:
-                step = course.at(start[None]).changes(step, LONGEST)
+                step = course.changes(start[None], step, LONGEST)
         start[self.held] += change
         return np.asarray(start + step[0])

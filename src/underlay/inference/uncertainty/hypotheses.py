@@ -84,11 +84,6 @@ class Hypotheses:
         """Whether the hypothesis has a step, a ramp or a turn of the baseline, (m,)."""
         return np.asarray((self.step > 0.0) | (self.ramp > 0.0) | (self.family >= TURN))
 
-    @property
-    def misfits(self) -> NDArray[np.bool_]:
-        """Whether the hypothesis has a misfit, smooth in depth, of the contact law, (m,)."""
-        return np.asarray((self.family >= 0) & (self.family < LINE))
-
     def probability(self, which: NDArray[np.bool_]) -> float:
         """Total probability of the hypotheses that a mask (m,) selects."""
         return float(self.weight[which].sum())
@@ -151,7 +146,21 @@ def weigh(
         if choices.is_coarse:
             rows = np.flatnonzero(likely.max(axis=1) > likely.max() - _HOPELESS)
     variance = np.maximum(squares / freedom * scale**2, least_variance)
-    return _kept(likely, variance, choices, rows, table.is_short)
+    weight = np.exp(likely - likely.max()).ravel()
+    weight /= weight.sum()
+    kept = np.argsort(-weight)[:_MOST]
+    kept = kept[weight[kept] > _KEPT]
+    noise, choice = np.divmod(kept, likely.shape[1])
+    return Hypotheses(
+        weight[kept] / weight[kept].sum(),
+        variance.ravel()[kept],
+        rows[noise],
+        choices.family[choice],
+        choices.misfit[choice],
+        choices.step[choice],
+        choices.ramp[choice],
+        table.is_short[rows[noise]],
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,8 +244,7 @@ def _by_family(columns: Columns, gram: FloatArray, choices: _Choices) -> tuple[F
     tuple of FloatArray
         Both (noises, choices).
     """
-    squares = np.empty((len(gram), len(choices.misfit)))
-    log_det = np.empty_like(squares)
+    squares, log_det = np.empty((2, len(gram), len(choices.misfit)))
     first = columns.step.start
     steps, ramps = columns.step.stop - first, columns.ramp.stop - first
     for family in (-1, *range(len(FAMILIES))):
@@ -294,27 +302,3 @@ def _left(gram: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
     normal[:, :, diagonal[:-1], diagonal[:-1]] += 1.0
     pivots = np.diagonal(np.linalg.cholesky(normal), axis1=2, axis2=3)
     return pivots[..., -1] ** 2, 2.0 * np.log(pivots[..., :-1]).sum(axis=-1)
-
-
-def _kept(
-    likely: FloatArray,
-    variance: FloatArray,
-    choices: _Choices,
-    rows: IntArray,
-    is_short: NDArray[np.bool_],
-) -> Hypotheses:
-    weight = np.exp(likely - likely.max()).ravel()
-    weight /= weight.sum()
-    kept = np.argsort(-weight)[:_MOST]
-    kept = kept[weight[kept] > _KEPT]
-    noise, choice = np.divmod(kept, likely.shape[1])
-    return Hypotheses(
-        weight[kept] / weight[kept].sum(),
-        variance.ravel()[kept],
-        rows[noise],
-        choices.family[choice],
-        choices.misfit[choice],
-        choices.step[choice],
-        choices.ramp[choice],
-        is_short[rows[noise]],
-    )

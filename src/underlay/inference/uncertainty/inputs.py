@@ -75,28 +75,26 @@ def inputs_of(scene: Scene, curve: Curve, free: Collection[str]) -> tuple[Input,
     if stated == "none":
         return ()
     given: Mapping[str, float] = stated if isinstance(stated, Mapping) else {}
-    found = [*_instrument(curve, given, free), *_numbers(scene, given, free), *_measured_tip(scene, given)]
+    found = [*_instrument(curve, given, free), *_numbers(scene, given, free)]
+    if isinstance(scene.indenter, Profile):
+        # All heights have one common relative error, which the scene has no path for.
+        found.append(_share(HEIGHTS, given, _HEIGHTS, _ASSUMED))
     return tuple(entry for entry in found if entry.down > 0.0 or entry.up > 0.0)
 
 
 def _instrument(curve: Curve, given: Mapping[str, float], free: Collection[str]) -> Iterator[Input]:
     """Uncertain scales of force and depth, which act on every reading: calibration of sensor or cantilever."""
     has_lever = "spring_constant" in curve.metadata or SPRING_CONSTANT in given
-    of_force = SPRING_CONSTANT if has_lever and FORCE not in given else FORCE
-    if not any(path.startswith("lever.") for path in free):
-        assumed = _spring(curve) if of_force == SPRING_CONSTANT else (_FORCE, _ASSUMED)
-        yield _share(of_force, given, *assumed)
+    fits_lever = any(path.startswith("lever.") for path in free)
+    if not fits_lever and has_lever and FORCE not in given:
+        own = _stated_share(curve, "spring_constant_uncertainty")
+        yield _share(SPRING_CONSTANT, given, own or _SPRING, _GIVEN if own else _ASSUMED)
+    elif not fits_lever:
+        yield _share(FORCE, given, _FORCE, _ASSUMED)
     yield _share(DEPTH, given, _DEPTH, _ASSUMED)
-    if (own := _stated_share(curve, "sensitivity_uncertainty")) and not any(
-        p.startswith("lever.") for p in free
-    ):
+    own = _stated_share(curve, "sensitivity_uncertainty")
+    if own and not fits_lever:
         yield Input(SENSITIVITY, own, own, _percent(own), _GIVEN)
-
-
-def _spring(curve: Curve) -> tuple[float, str]:
-    """Relative 95 % uncertainty of the spring constant, and whether it is given by the file or assumed."""
-    own = _stated_share(curve, "spring_constant_uncertainty")
-    return (own, _GIVEN) if own else (_SPRING, _ASSUMED)
 
 
 def _stated_share(curve: Curve, key: str) -> float:
@@ -115,29 +113,26 @@ def _numbers(scene: Scene, given: Mapping[str, float], free: Collection[str]) ->
         if path in free or not math.isfinite(value):
             continue
         if path in given:
-            down, up = _kept(path, value, given[path], given[path])
-            yield Input(path, down, up, f"± {format_quantity(given[path], kind_of(path))}", _GIVEN)
-        elif (assumed := _assumed(path, value)) is not None:
-            down, up = _kept(path, value, *assumed[:2])
-            yield Input(path, down, up, assumed[2], _ASSUMED)
-
-
-def _measured_tip(scene: Scene, given: Mapping[str, float]) -> Iterator[Input]:
-    """Common relative uncertainty of all heights of a measured tip profile, which the scene has no path for."""
-    if isinstance(scene.indenter, Profile):
-        yield _share(HEIGHTS, given, _HEIGHTS, _ASSUMED)
+            size, origin = f"± {format_quantity(given[path], kind_of(path))}", _GIVEN
+            found: tuple[float, float, str] | None = (given[path], given[path], size)
+        else:
+            found, origin = _assumed(path, value), _ASSUMED
+        if found is not None:
+            down, up, size = found
+            if path.endswith(".nu"):
+                # No Poisson's ratio is above one half.
+                up = min(up, max(_INCOMPRESSIBLE - value, 0.0))
+            yield Input(path, down, up, size, origin)
 
 
 def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
     """Assumed 95 % uncertainty of a number: how far below and above, and as text; None where none is assumed."""
     section, _, name = path.rpartition(".")
     of_tip, of_base = section == "indenter", section.startswith("substrate")
+    if name == "nu" and value == _INCOMPRESSIBLE:
+        return _NEARLY, 0.0, f"{value - _NEARLY:g} to {value:g}"
     if name == "nu":
-        return (
-            (_NEARLY, 0.0, f"{value - _NEARLY:g} to {value:g}")
-            if value == _INCOMPRESSIBLE
-            else (_NU, _NU, f"± {_NU:g}")
-        )
+        return _NU, _NU, f"± {_NU:g}"
     if name == "nu_axial":
         return _NU_AXIAL, _NU_AXIAL, f"± {_NU_AXIAL:g}"
     if name == "permeability_ratio":
@@ -153,13 +148,6 @@ def _assumed(path: str, value: float) -> tuple[float, float, str] | None:
     }
     acts, share = shares.get(name, (False, 0.0))
     return (share * value, share * value, _percent(share)) if acts else None
-
-
-def _kept(path: str, value: float, down: float, up: float) -> tuple[float, float]:
-    """Uncertainty below and above, cut where the value would be impossible (Poisson's ratio above one half)."""
-    if path.endswith(".nu"):
-        up = min(up, max(_INCOMPRESSIBLE - value, 0.0))
-    return down, up
 
 
 def _percent(share: float) -> str:

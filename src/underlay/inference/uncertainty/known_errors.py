@@ -37,8 +37,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TypeAlias
+from itertools import chain
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -55,7 +55,6 @@ from underlay.mechanics.discrepancy import (
     why_unmeasured,
 )
 from underlay.mechanics.finite_width import NarrowLaw
-from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Exact, Stuck
 from underlay.mechanics.stiffening.law import StiffeningLaw
 from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
@@ -70,12 +69,10 @@ FRICTION, FINITE_STRAIN, BOTH = "friction", "finite strain", "friction in large 
 _SHARE = 0.35
 # Relative tolerance of the laws from which the columns are computed, which are known to a tenth at best.
 _RTOL = 1e-4
-_FIELDS = ("errors", "unknown", "declared")
 _PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
 
 
-@dataclass(frozen=True)
-class Pressed:
+class Pressed(NamedTuple):
     """State of a test at given values of its parameters, from which a known error is computed.
 
     Parameters
@@ -88,10 +85,8 @@ class Pressed:
         Indentation depth w (m), (n,), negative before contact.
     force, stiffness : FloatArray
         Contact force P (N) of the law and dP/dw (N/m), each (n,).
-    made : callable
-        Builds the scene with these values.
-    by : callable
-        Returns the law of the same contact by a given solver.
+    scene : Scene
+        The scene with these values.
     """
 
     values: Mapping[str, float]
@@ -99,13 +94,7 @@ class Pressed:
     depth: FloatArray
     force: FloatArray
     stiffness: FloatArray
-    made: Callable[[], Scene]
-    by: Callable[[Solver], ContactLaw]
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The scene with those values, made at the first use."""
-        return self.made()
+    scene: Scene
 
 
 #: Function from the state of a test to the force (N), (n,), that an error of amplitude one adds.
@@ -124,8 +113,6 @@ class KnownError:
         Force (N) at amplitude one, (n,), of a `Pressed`.
     mean, deviation : float
         Mean and standard deviation of the normal prior of the amplitude; the deviation positive.
-    told : tuple of str
-        `words` of the errors under which people see this one, where it is part of others; by default its own.
     size : str
         How large it is, as people write it; empty where that is no one number.
 
@@ -139,7 +126,6 @@ class KnownError:
     column: Column
     mean: float = 0.0
     deviation: float = 1.0
-    told: tuple[str, ...] = ()
     size: str = ""
 
     def __post_init__(self) -> None:
@@ -178,27 +164,25 @@ def _column(test: Pressed) -> FloatArray:
 
 def stiffening_formula(scene: Scene) -> KnownError | None:
     """Return the error of the stiffening factor G's formula, 3 % of G - 1 (one sigma); None without stiffening."""
-    return _of_law(
-        "stiffening formula", "stiffening", "± 6 % of G - 1", has=scene.layer.stiffening is not None
-    )
+    if scene.layer.stiffening is None:
+        return None
+    return _of_law("stiffening formula", "stiffening", "± 6 % of G - 1")
 
 
 def sides(scene: Scene) -> KnownError | None:
     """Return the error of the spring that represents the free sides of a sample; None without sides."""
-    return _of_law("sides", "sides", "± 8 % of their spring", has=scene.layer.has_sides)
+    return _of_law("sides", "sides", "± 8 % of their spring") if scene.layer.has_sides else None
 
 
-def _of_law(words: str, name: str, size: str, *, has: bool) -> KnownError | None:
+def _of_law(words: str, name: str, size: str) -> KnownError:
+    """The error that a law of a layer that stiffens or has sides tells itself, by its name there."""
+
     def column(test: Pressed) -> FloatArray:
-        return _own(test).known_errors(test.depth)[name]
+        if not isinstance(test.law, StiffeningLaw | NarrowLaw):
+            raise InputError(f"the law {test.law.method} has no such error")
+        return test.law.known_errors(test.depth)[name]
 
-    return KnownError(words, column, size=size) if has else None
-
-
-def _own(test: Pressed) -> StiffeningLaw | NarrowLaw:
-    if not isinstance(test.law, StiffeningLaw | NarrowLaw):
-        raise InputError(f"the law {test.law.method} has no such error")
-    return test.law
+    return KnownError(words, column, size=size)
 
 
 #: Every kind of error: a function that returns the error of a scene's law, or None where it has none.
@@ -211,17 +195,15 @@ KINDS: Sequence[Callable[[Scene], KnownError | None]] = (
 
 def known_errors(scenes: Sequence[Scene]) -> tuple[KnownError, ...]:
     """Return the known errors of the laws of these scenes, each once."""
+    errors = (kind(scene) for scene in scenes for kind in KINDS)
     found: dict[str, KnownError] = {}
-    for scene in scenes:
-        for kind in KINDS:
-            error = kind(scene)
-            if error is not None:
-                found.setdefault(error.words, error)
+    for error in errors:
+        if error is not None:
+            found.setdefault(error.words, error)
     return tuple(found.values())
 
 
-@dataclass(frozen=True)
-class LeftOut:
+class LeftOut(NamedTuple):
     """Errors of friction and finite strain that the law of a scene leaves out.
 
     Parameters
@@ -250,7 +232,7 @@ def left_out(scene: Scene, depth: float) -> LeftOut:
     if scene.discrepancy is not None:
         return LeftOut(declared=("the sizes of friction and finite strain",))
     parts = (_friction(scene), _finite_strain(scene, depth), _both(scene, depth))
-    return LeftOut(*(tuple(entry for part in parts for entry in getattr(part, name)) for name in _FIELDS))
+    return LeftOut._make(tuple(chain(*own)) for own in zip(*parts, strict=True))
 
 
 def _friction(scene: Scene) -> LeftOut:
@@ -269,17 +251,17 @@ def _stuck_less_free(test: Pressed) -> FloatArray:
 def _forces(test: Pressed) -> tuple[FloatArray, FloatArray]:
     """Contact forces (N), (n,) each, of a tip without slip and of a frictionless one, both exact at this depth."""
     inside = np.maximum(test.depth, 0.0)
-    return test.by(Stuck(_RTOL)).force(inside), test.by(Exact(_RTOL)).force(inside)
+    deepest, elastic = float(inside.max()), test.scene.elastic
+    sticks, free = (elastic.contact_law(deepest, solver=own(_RTOL)).force(inside) for own in (Stuck, Exact))
+    return sticks, free
 
 
 def _both(scene: Scene, depth: float) -> LeftOut:
     unknown = scene.friction == "unknown" and scene.finite_strain is not False
-    if not unknown or scene.adhesion is not None or scene.memory is not None:
+    is_elastic = scene.adhesion is None and scene.memory is None
+    if not (unknown and is_elastic) or why_unmeasured(scene.contact, depth):
         return LeftOut()
-    if why_unmeasured(scene.contact, depth):
-        return LeftOut()
-    told = (FRICTION, FINITE_STRAIN)
-    return LeftOut((KnownError(BOTH, _stuck_in_large_strains, mean=0.25, deviation=0.5, told=told),))
+    return LeftOut((KnownError(BOTH, _stuck_in_large_strains, mean=0.25, deviation=0.5),))
 
 
 def _stuck_in_large_strains(test: Pressed) -> FloatArray:
@@ -292,8 +274,7 @@ def _finite_strain(scene: Scene, depth: float) -> LeftOut:
     if scene.finite_strain is False:
         return LeftOut(declared=("finite_strain = false",))
     if scene.layer.stiffening is not None:
-        error = _of_law(FINITE_STRAIN, "finite strain", "± 0.8 to 1.4 %", has=True)
-        return LeftOut((error,) if error is not None else ())
+        return LeftOut((_of_law(FINITE_STRAIN, "finite strain", "± 0.8 to 1.4 %"),))
     why = why_unmeasured(scene.contact, depth)
     if scene.adhesion is not None or scene.memory is not None:
         why = "measured without adhesion and relaxation"

@@ -99,7 +99,11 @@ class CurveMoments:
         corrects = np.flatnonzero(hypotheses.corrects)
         coefficients[corrects] -= taken[corrects] @ (np.swapaxes(taken[corrects], 1, 2) @ plain[:, :k])
         bend = np.eye(values.shape[1])[:, columns.values.shape[1] :]
-        spread = _spread(values, plain, sizes, hypotheses, table, growth)
+        # Covariances of all columns' projections of the disturbances.
+        used, place = np.unique(hypotheses.noise, return_inverse=True)
+        noisy = grams(cosines(values * np.sqrt(growth)[:, None]), table.spectra[used])[place]
+        along = plain[None, :, : sizes.shape[1]] * sizes[:, None, :]
+        spread = hypotheses.variance[:, None, None] * (noisy + along @ np.swapaxes(along, 1, 2))
         offset = np.zeros((m, k))
         offset[corrects] = np.swapaxes(coefficients[corrects], 1, 2) @ plain[:, columns.residual.start]
         kept = np.r_[:shapes, columns.values.shape[1] : values.shape[1]]
@@ -116,7 +120,9 @@ class CurveMoments:
             & (np.ptp(growth) == 0.0),
             variance=hypotheses.variance,
             bends=p,
-            bend_precision=_inverses(_quadratic(spread, np.broadcast_to(bend, (m, *bend.shape)))),
+            bend_precision=np.asarray(
+                np.linalg.inv(_quadratic(spread, np.broadcast_to(bend, (m, *bend.shape))))
+            ),
             bend_offset=bends.T @ residual,
         )
 
@@ -138,24 +144,5 @@ def _taking(gram: FloatArray, sizes: FloatArray) -> FloatArray:
     return found
 
 
-def _spread(
-    values: FloatArray,
-    plain: FloatArray,
-    sizes: FloatArray,
-    hypotheses: Hypotheses,
-    table: NoiseTable,
-    growth: FloatArray,
-) -> FloatArray:
-    """Covariances (m, q, q), one for each hypothesis, of all columns' projections of the disturbances."""
-    used, place = np.unique(hypotheses.noise, return_inverse=True)
-    noisy = grams(cosines(values * np.sqrt(growth)[:, None]), table.spectra[used])[place]
-    along = plain[None, :, : sizes.shape[1]] * sizes[:, None, :]
-    return np.asarray(hypotheses.variance[:, None, None] * (noisy + along @ np.swapaxes(along, 1, 2)))
-
-
 def _quadratic(form: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(columns, 1, 2) @ form @ columns)
-
-
-def _inverses(matrices: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idct
+from scipy.fft import dct
 
 from underlay._arrays import FloatArray
 
@@ -56,11 +56,6 @@ class NoiseTable:
 def cosines(columns: FloatArray) -> FloatArray:
     """Cosine coefficients of columns (n, m): orthonormal DCT-II down each."""
     return np.asarray(dct(columns, axis=0, norm="ortho"))
-
-
-def from_cosines(coefficients: FloatArray) -> FloatArray:
-    """Inverse of `cosines`: columns (n, m) from their cosine coefficients."""
-    return np.asarray(idct(coefficients, axis=0, norm="ortho"))
 
 
 def white_table(n: int) -> NoiseTable:

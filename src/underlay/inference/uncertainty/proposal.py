@@ -1,27 +1,40 @@
-"""A distribution to draw from: along the ridge by each hypothesis' evidence, across it Student about its middle."""
+"""Distributions to draw from, and the weights of the draws.
+
+Along the ridge draws go by each hypothesis' evidence, across it Student about its middle. Draws along one ridge
+miss posteriors that are flat in two directions. There adaptive multiple importance sampling follows (Cornuet et al.
+2012, doi:10.1111/j.1467-9469.2011.00756.x): each round places Student kernels about the draws so far, and all draws
+are weighed by the mixture of all distributions that were drawn from.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
 
 from underlay._arrays import FloatArray
-from underlay.inference.uncertainty.density import Density, Local
-from underlay.inference.uncertainty.tree import log_prior
-from underlay.inference.uncertainty.walk import Node
+from underlay.inference.model.coordinates import SHORTEST
+from underlay.inference.uncertainty.density import Density, Node
+from underlay.inference.uncertainty.mixture import log_student, pareto_shape, student_draws
 
 _CELLS = 300  # cells of the coordinate along the ridge
 # Share of the draws that goes evenly to all cells; power of the evidence for the others.
 _EVEN, _SOFTER = 0.03, 0.9
 _DEEPEST = -30.0  # nats below the top at which the evidence is cut off
 _BEYOND = 0.25  # how far past the last node draws go, over the last gap between nodes
-_FREEDOM, _WIDER = 5.0, 1.2  # degrees of freedom across the ridge; factor on the variance there
+_FREEDOM, _WIDER = (
+    5.0,
+    1.2,
+)  # degrees of freedom of all distributions; factor on the variance across the ridge
 _PROMISED = 4.0  # nats that a hypothesis may gain beside a node: further the continuation is not straight
+_KERNELS, _NEIGHBOURS = 32, 0.12  # number of kernels; share of the weight whose draws set a kernel's width
+_BROADER = 1.1  # factor on the width of a kernel
+_FEWEST = 60.0  # least effective number of draws for kernels: weights are flattened until it is reached
+_ROOTS = np.geomspace(1.0, 0.05, 24)  # powers of the weights that are tried for that
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +51,9 @@ class Conditional:
     factors: FloatArray
 
 
-def conditionals(
-    density: Density, nodes: Sequence[Node], coordinate: int, chosen: Sequence[int]
-) -> list[Conditional]:
-    """Return the `Conditional` at each node for the hypotheses `chosen`, with entry `coordinate` held fixed."""
-    return [_conditional(density.local(node.places), density, node, coordinate, chosen) for node in nodes]
-
-
-def _conditional(
-    local: Local, density: Density, node: Node, coordinate: int, chosen: Sequence[int]
-) -> Conditional:
-    kept = density.kept
+def conditional(density: Density, node: Node, coordinate: int, chosen: Sequence[int]) -> Conditional:
+    """Return the `Conditional` at a node for the hypotheses `chosen`, with entry `coordinate` held fixed."""
+    local, kept = density.local(node.places), density.kept
     others = np.flatnonzero(kept != coordinate)
     priors = density.likelihood.priors[kept]
     away = priors * (density.likelihood.fit.vector - node.vector)[kept]
@@ -63,8 +68,8 @@ def _conditional(
     # A straight continuation may promise more than a hypothesis can give.
     gain = np.minimum(0.5 * np.einsum("mi,mi->m", pull, step), _PROMISED)
     level = local.level[chosen]
-    evidence = np.maximum(np.minimum(level + gain, local.best[chosen]), level) + 0.5 * log_det
-    evidence += float(log_prior(density.likelihood.fit.problem, node.vector[None])[0])
+    evidence = np.maximum(np.minimum(level + gain, density.height[chosen]), level) + 0.5 * log_det
+    evidence += float(density.likelihood.fit.problem.log_prior(node.vector[None])[0])
     reach = np.maximum(np.abs(step).max(axis=1, initial=0.0), 1e-300)
     step = step * np.minimum(1.0, 1.0 / reach)[:, None]
     symmetric = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
@@ -115,7 +120,7 @@ class Proposal:
         bounds: tuple[float, float],
     ) -> Proposal:
         """Make the proposal of the hypotheses `chosen` from nodes on a ridge; `bounds` limit the coordinate."""
-        found = conditionals(density, nodes, coordinate, chosen)
+        found = [conditional(density, node, coordinate, chosen) for node in nodes]
         places = np.array([own.place for own in found])
         low = max(places[0] - _BEYOND * (places[1] - places[0]), bounds[0])
         high = min(places[-1] + _BEYOND * (places[-1] - places[-2]), bounds[1])
@@ -138,8 +143,7 @@ class Proposal:
         cell = np.minimum((cumulated[own] < u[:, None]).sum(axis=1), _CELLS - 1)
         place = self.edges[cell] + (self.edges[1] - self.edges[0]) * rng.uniform(size=len(own))
         middles, factors = self._across(place, own[:, None])
-        z = rng.standard_normal((len(own), len(self.entries)))
-        z *= np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, len(own)))[:, None]
+        z = student_draws(len(own), len(self.entries), _FREEDOM, rng)
         vectors = np.tile(self.rest, (len(own), 1))
         vectors[:, self.coordinate] = place
         vectors[:, self.entries] = middles[:, 0] + np.einsum("nij,nj->ni", factors[:, 0], z)
@@ -155,12 +159,8 @@ class Proposal:
         middles, factors = self._across(place, every)
         off = vectors[:, None, self.entries] - middles
         z = np.linalg.solve(factors, off[..., None])[..., 0]
-        q = len(self.entries)
         log_det = np.log(np.diagonal(factors, axis1=2, axis2=3)).sum(axis=2)
-        constant = (
-            gammaln(0.5 * (_FREEDOM + q)) - gammaln(0.5 * _FREEDOM) - 0.5 * q * np.log(_FREEDOM * np.pi)
-        )
-        across = constant - log_det - 0.5 * (_FREEDOM + q) * np.log1p((z * z).sum(axis=2) / _FREEDOM)
+        across = log_student((z * z).sum(axis=2), log_det, len(self.entries), _FREEDOM)
         return np.where(inside[:, None], along + across, -np.inf)
 
     def _across(self, place: FloatArray, own: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
@@ -169,7 +169,8 @@ class Proposal:
         `place` (n,) are values of the coordinate, `own` (n, h) or (n, 1) indices of hypotheses.
         """
         places = np.array([node.place for node in self.nodes])
-        middles = self._middles(place, places)
+        spline = CubicSpline if len(places) > 3 else PchipInterpolator
+        middles = spline(places, np.array([node.middles for node in self.nodes]), axis=0)(place)
         index = np.clip(np.searchsorted(places, place) - 1, 0, len(places) - 2)
         share = np.clip((place - places[index]) / (places[index + 1] - places[index]), 0.0, 1.0)
         factors = np.array([node.factors for node in self.nodes])
@@ -178,7 +179,147 @@ class Proposal:
         rows = np.arange(len(place))[:, None]
         return middles[rows, own], _WIDER**0.5 * ((1.0 - share) * left + share * right)
 
-    def _middles(self, place: FloatArray, places: FloatArray) -> FloatArray:
-        values = np.array([node.middles for node in self.nodes])
-        spline = CubicSpline if len(places) > 3 else PchipInterpolator
-        return np.asarray(spline(places, values, axis=0)(place))
+
+@dataclass(frozen=True, eq=False)
+class Kernels:
+    """A mixture of equally likely Student kernels in some entries of the scaled vector.
+
+    Parameters
+    ----------
+    entries : ndarray of int
+        Indices, (q,), of the entries of the vector that are drawn.
+    centres, factors : FloatArray
+        Centres (c, q) of the c kernels, and Cholesky factors (c, q, q) of their covariances.
+    """
+
+    entries: NDArray[np.intp]
+    centres: FloatArray
+    factors: FloatArray
+
+    @classmethod
+    def about(
+        cls, draws: FloatArray, log_weights: FloatArray, entries: NDArray[np.intp], rng: np.random.Generator
+    ) -> Kernels:
+        """Place kernels about weighted draws (n, k), in the entries (q,) that are to be drawn."""
+        weights = _evened(log_weights)
+        points = draws[:, entries]
+        middle = weights @ points
+        off = points - middle
+        whole = np.linalg.cholesky(_regular(off.T @ (off * weights[:, None])))
+        standard = np.linalg.solve(whole, off.T).T
+        places = (np.arange(_KERNELS) + rng.uniform()) / _KERNELS
+        chosen = np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)
+        factors = [_local(standard, weights, standard[i]) for i in chosen]
+        return cls(
+            entries, points[chosen], np.asarray(_BROADER * whole @ np.array(factors), dtype=np.float64)
+        )
+
+    def draw(self, count: int, rest: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Draw vectors (count, k); the entries without kernels are those of `rest` (k,)."""
+        own = np.arange(count) % len(self.centres)
+        z = student_draws(count, len(self.entries), _FREEDOM, rng)
+        vectors = np.tile(rest, (count, 1))
+        vectors[:, self.entries] = self.centres[own] + np.einsum("nij,nj->ni", self.factors[own], z)
+        return vectors
+
+    def log_density(self, vectors: FloatArray) -> FloatArray:
+        """Log-density (n,) of the mixture of kernels at vectors (n, k)."""
+        off = vectors[:, None, self.entries] - self.centres
+        z = np.einsum("cij,ncj->nci", np.linalg.inv(self.factors), off, optimize=True)
+        log_det = np.log(np.abs(np.diagonal(self.factors, axis1=1, axis2=2))).sum(axis=1)
+        each = log_student((z * z).sum(axis=2), log_det, len(self.entries), _FREEDOM)
+        return np.asarray(logsumexp(each, axis=1) - np.log(len(self.centres)))
+
+
+def _local(standard: FloatArray, weights: FloatArray, centre: FloatArray) -> FloatArray:
+    """Cholesky factor (q, q) of the covariance of the draws nearest to a point, in standard coordinates."""
+    square = ((standard - centre) ** 2).sum(axis=1)
+    order = np.argsort(square)
+    last = int(np.searchsorted(np.cumsum(weights[order]), _NEIGHBOURS)) + 1
+    near = order[: max(last, 4 * standard.shape[1])]
+    own = weights[near] / weights[near].sum()
+    off = standard[near] - own @ standard[near]
+    return np.asarray(np.linalg.cholesky(_regular(off.T @ (off * own[:, None]))), dtype=np.float64)
+
+
+def _regular(covariance: FloatArray) -> FloatArray:
+    floor = 1e-6 * np.diagonal(covariance) + SHORTEST**2
+    return covariance + np.diag(floor)
+
+
+def _evened(log_weights: FloatArray) -> FloatArray:
+    """Normalised weights (n,) raised to a power of at most 1, the largest that leaves 60 effective draws."""
+    for power in _ROOTS:
+        evened = power * log_weights
+        weights = np.exp(evened - logsumexp(evened))
+        if 1.0 / float(weights @ weights) >= _FEWEST:
+            break
+    return np.asarray(weights)
+
+
+@dataclass(eq=False)
+class Pool:
+    """Importance-weighted draws of several rounds, with the distributions that they were drawn from.
+
+    Parameters
+    ----------
+    target : callable
+        Log-density (n,) of vectors (n, k), which the draws shall represent.
+    vectors, levels : FloatArray
+        Draws (n, k) so far, and their log-density (n,) by `target`.
+    sources : list
+        Log-densities of the distributions that draws came from, and how many draws each gave.
+    proposed : list of FloatArray
+        Log-density (n,) of all draws under each source.
+    """
+
+    target: Callable[[FloatArray], FloatArray]
+    vectors: FloatArray
+    levels: FloatArray
+    sources: list[tuple[Callable[[FloatArray], FloatArray], int]] = field(default_factory=list)
+    proposed: list[FloatArray] = field(default_factory=list)
+
+    @classmethod
+    def begin(
+        cls,
+        target: Callable[[FloatArray], FloatArray],
+        source: Callable[[FloatArray], FloatArray],
+        vectors: FloatArray,
+    ) -> Pool:
+        """Start a pool with the draws (n, k) of one distribution; `target` and `source` are log-densities."""
+        return cls(target, vectors, target(vectors), [(source, len(vectors))], [source(vectors)])
+
+    def add(self, source: Callable[[FloatArray], FloatArray], vectors: FloatArray) -> None:
+        """Add draws (n, k) from a further source, whose log-density is `source`."""
+        self.proposed = [
+            np.concatenate((proposed, known(vectors)))
+            for proposed, (known, _) in zip(self.proposed, self.sources, strict=True)
+        ]
+        self.vectors = np.vstack((self.vectors, vectors))
+        self.levels = np.concatenate((self.levels, self.target(vectors)))
+        self.sources.append((source, len(vectors)))
+        self.proposed.append(source(self.vectors))
+
+    @property
+    def log_weights(self) -> FloatArray:
+        """Logarithms of the importance weights of the draws, (n,), not normalised."""
+        counts = np.array([count for _, count in self.sources], dtype=np.float64)
+        shares = np.log(counts / counts.sum())
+        return np.asarray(self.levels - logsumexp(np.array(self.proposed) + shares[:, None], axis=0))
+
+    @property
+    def weights(self) -> FloatArray:
+        """Importance weights of the draws, (n,), summing to 1."""
+        logs = self.log_weights
+        return np.asarray(np.exp(logs - logsumexp(logs)))
+
+    @property
+    def effective(self) -> float:
+        """Kish's effective number of draws, 1 over the sum of the squared weights."""
+        weights = self.weights
+        return 1.0 / float(weights @ weights)
+
+    @property
+    def pareto(self) -> float:
+        """Pareto k of the importance weights; above 0.7 they cannot be trusted."""
+        return pareto_shape(self.log_weights)

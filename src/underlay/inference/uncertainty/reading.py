@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.uncertainty.linear import Mixture
-from underlay.inference.uncertainty.mixture import weighted_quantiles
+from underlay.inference.uncertainty.mixture import Mixture, weighted_quantiles
 
 if TYPE_CHECKING:
     from underlay.inference.uncertainty.ridge import Ridge
-    from underlay.inference.uncertainty.seen import Seen
-    from underlay.inference.uncertainty.weighed import Weighed
 
 # Default number of draws of a result in closed form.
 _DRAWS = 2000
@@ -29,16 +25,11 @@ class Reading(ABC):
 
     Parameters
     ----------
-    likelihood : Weighed
+    likelihood : Likelihood
         The curves of a fit, with the probabilities of what may disturb them.
     """
 
-    likelihood: Weighed
-
-    @property
-    def seen(self) -> tuple[Seen, ...]:
-        """Estimated disturbances of each curve (noise, misfit, step, ramp, turn)."""
-        return self.likelihood.seen
+    likelihood: Any
 
     @property
     def value(self) -> FloatArray:
@@ -86,15 +77,6 @@ class Reading(ABC):
         """Pareto k of the weights; above 0.7 the draws cannot be trusted: sample with emcee (`log_density`)."""
         return 0.0
 
-    @property
-    @abstractmethod
-    def deviations(self) -> FloatArray:
-        """Standard deviations (k,) of the scaled vector."""
-
-    def moved(self, columns: Sequence[FloatArray]) -> FloatArray:
-        """Shift (k,) of the scaled vector by added forces (N), one array for each curve, to first order."""
-        return self.likelihood.moved(columns)
-
 
 def widened(ends: FloatArray, edge: FloatArray) -> tuple[float, float]:
     """Ends of an interval from draws, `ends` (2,), widened to contain the values `edge` (m,)."""
@@ -114,7 +96,7 @@ class LinearReading(Reading):
 
     def interval(self, index: int, level: float = 0.95) -> tuple[float, float]:
         """Quantiles of the mixture; infinite where no curve depends on the entry."""
-        if not self.deviations[index] > 0.0:
+        if not self.mixture.deviations[index] > 0.0:
             return -np.inf, np.inf
         low, high = self.mixture.quantiles(index, np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level]))
         return float(low), float(high)
@@ -128,11 +110,6 @@ class LinearReading(Reading):
     def weights(self) -> FloatArray:
         """Equal weights, (count,), that sum to 1."""
         return np.full(self.count, 1.0 / self.count)
-
-    @cached_property
-    def deviations(self) -> FloatArray:
-        """Standard deviations (k,) of the mixture."""
-        return self.mixture.deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,12 +158,6 @@ class DrawnReading(Reading):
         """Pareto k of the importance weights; above 0.7 the draws cannot be trusted."""
         return self.ridge.pareto
 
-    @cached_property
-    def deviations(self) -> FloatArray:
-        """Standard deviations (k,) of the weighted draws."""
-        off = self.draws - self.weights @ self.draws
-        return np.sqrt(self.weights @ (off * off))
-
 
 @dataclass(frozen=True, eq=False)
 class OpenReading(Reading):
@@ -205,8 +176,3 @@ class OpenReading(Reading):
     def weights(self) -> FloatArray:
         """Its weight, (1,)."""
         return np.ones(1)
-
-    @property
-    def deviations(self) -> FloatArray:
-        """Infinite, (k,)."""
-        return np.full(len(self.value), np.inf)

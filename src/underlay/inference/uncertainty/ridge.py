@@ -1,8 +1,8 @@
 """The reading where the force is not straight in what is free: weighted draws along the ridge.
 
-A walk from the optimum lays nodes along the ridge (`walk`); at each of them every hypothesis has its
+A walk from the optimum lays nodes along the ridge (`Walk`); at each of them every hypothesis has its
 distribution of the other entries (`proposal`). Draws come from their interpolation and are weighed by the
-density itself (`density`); further rounds follow where one ridge does not hold them (`adapt`). Interval,
+density itself (`density`); further rounds follow where one ridge does not hold them (`proposal`). Interval,
 posterior, map row and corner plot are read from these draws; Pareto's k says whether they can be.
 """
 
@@ -10,21 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, logsumexp
 
 from underlay._arrays import FloatArray
-from underlay.inference.uncertainty.adapt import Kernels, Pool
-from underlay.inference.uncertainty.density import Density
-from underlay.inference.uncertainty.proposal import Proposal, conditionals
-from underlay.inference.uncertainty.tree import NothingDrawnError, noise_entries, straight
-from underlay.inference.uncertainty.walk import Node, Path, bends_of, walk
-
-if TYPE_CHECKING:
-    from underlay.inference.uncertainty.weighed import Weighed
+from underlay.inference.uncertainty.density import Density, Node
+from underlay.inference.uncertainty.proposal import Kernels, Pool, Proposal, conditional
+from underlay.inference.uncertainty.tree import NothingDrawnError, noise_entries, straight, tangents
 
 _DRAWS, _ROUNDS = 1000, 6  # draws of a round; further rounds at most
 _TRUSTED, _ENOUGH = 0.7, 300.0  # Pareto k below which, and effective draws from which, draws are trusted
@@ -32,6 +27,165 @@ _SECOND = 0.02  # weight from which hypotheses that correct the value have a rid
 _LEAST = 0.01  # share of draws that a hypothesis gets at least
 _BINS = 24  # bins in six deviations of the draws; in the one at a bound the density there is asked
 _HELD = 1e-9  # deviation below which an entry was held, on a bound
+_FIRST, _SHORTEST = 0.5, 0.1  # first and shortest step along a ridge, in standard deviations
+_LONGEST = 1.0  # longest step, in the scaled coordinate
+_MOST, _DROP = 22, 8.0  # largest number of nodes on a side; nats below the maximum where a side ends
+# Gauss-Newton's method for the other entries: most steps; share of a standard deviation below which it ends;
+# longest step.
+_STEPS, _SETTLED, _STRIDE = 4, 0.1, 0.7
+_BENDS, _VISIBLE = 4, 0.3  # most directions in which the model curves; their least size in noise deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """The walk along the ridge that some hypotheses share, with one coordinate stepped and the others optimised.
+
+    At each value of the coordinate the others minimise the deviation from the fitted model or, for hypotheses with
+    a force step, ramp or turn, from the readings corrected for it.
+
+    Parameters
+    ----------
+    density : Density
+        Density of the scaled vector.
+    coordinate : int
+        The entry of the vector that is stepped.
+    chosen : sequence of int
+        The hypotheses.
+    misses : sequence of FloatArray
+        Residuals (n,) of each curve at least squares; zero where nodes approximate the fitted model.
+    without : sequence of FloatArray
+        Columns (n, q) of each curve (step, ramp, turn) that are projected out of its rows.
+    """
+
+    density: Density
+    coordinate: int
+    chosen: Sequence[int]
+    misses: Sequence[FloatArray]
+    without: Sequence[FloatArray]
+
+    def nodes(self, start: FloatArray) -> list[Node]:
+        """Points to both sides, until the evidence has dropped by 8 nats or a bound is reached.
+
+        In order of the coordinate, from a scaled vector (k,) near the ridge.
+
+        Raises
+        ------
+        NothingDrawnError
+            If there is no contact law at the start.
+        """
+        first = self.settled(self._inside(start), self.coordinate)
+        if first is None:
+            raise NothingDrawnError("no contact law at the optimum of a fit")
+        top = self._level(first)
+        below, top = self._one_side(first, -1.0, top)
+        above, _ = self._one_side(first, 1.0, top)
+        return [*reversed(below), first, *above]
+
+    def settled(self, vector: FloatArray, coordinate: int | None) -> Node | None:
+        """Node with `coordinate` held and the others optimised, from a vector (k,) near it; None without a law.
+
+        A step beyond the last contact law is halved: where the optimum lies beyond, the node is beside that edge.
+        """
+        node = self._node(vector)
+        if node is None:
+            return None
+        for _ in range(_STEPS):
+            step, deviations = self._step(node, coordinate)
+            step = step * min(1.0, _STRIDE / max(float(np.abs(step).max()), 1e-300))
+            ahead = None
+            while ahead is None:
+                there = self._inside(node.vector + step)
+                if (np.abs(there - node.vector) <= _SETTLED * deviations + 1e-9).all():
+                    return node
+                ahead, step = self._node(there), 0.5 * step
+            node = ahead
+        return node
+
+    def _inside(self, vector: FloatArray) -> FloatArray:
+        """The vector (k,) moved inside its bounds."""
+        low, high = self.density.likelihood.fit.problem.bounds.T
+        return np.asarray(np.clip(vector, low + 1e-6, high - 1e-6))
+
+    def _level(self, node: Node) -> float:
+        """Logarithm of the evidence of the hypotheses at a node, the other entries integrated out."""
+        return float(logsumexp(conditional(self.density, node, self.coordinate, self.chosen).evidence))
+
+    def _node(self, vector: FloatArray) -> Node | None:
+        """Linearise all curves at a vector (k,); None where no contact law exists."""
+        found = tangents([curve.model for curve in self.density.curves], vector)
+        if found is None:
+            return None
+        places = [curve.place(own) for curve, own in zip(self.density.curves, found, strict=True)]
+        return Node(vector, places) if all(place is not None for place in places) else None  # type: ignore[arg-type]
+
+    def _step(self, node: Node, coordinate: int | None) -> tuple[FloatArray, FloatArray]:
+        k, priors = len(node.vector), self.density.likelihood.priors
+        moving = [i for i in self.density.kept if i != coordinate]
+        normal, pull = np.diag(priors), priors * (self.density.likelihood.fit.vector - node.vector)
+        for place, miss, out in zip(node.places, self.misses, self.without, strict=True):
+            law = place.columns - out @ (out.T @ place.columns)
+            normal = normal + law.T @ place.columns
+            pull = pull + law.T @ (place.fallen + miss)
+        scale = np.sqrt(np.diagonal(normal))[moving]
+        scaled = normal[np.ix_(moving, moving)] / scale / scale[:, None] + 1e-11 * np.eye(len(moving))
+        inverse = np.linalg.inv(scaled) / scale / scale[:, None]
+        step, deviations = np.zeros(k), np.full(k, np.inf)
+        step[moving], deviations[moving] = inverse @ pull[moving], np.sqrt(np.diagonal(inverse))
+        return step, deviations
+
+    def _one_side(self, first: Node, sign: float, top: float) -> tuple[list[Node], float]:
+        """Nodes to one side of the first, and the largest evidence so far, `top` before."""
+        i, likelihood = self.coordinate, self.density.likelihood
+        low, high = likelihood.fit.problem.bounds[i] + np.array([1e-6, -1e-6])
+        deviation = float(likelihood.mixture.deviations[i])
+        deviation = deviation if deviation > _HELD else 1.0
+        shortest = min(_SHORTEST * deviation, 0.04)
+        step = float(np.clip(_FIRST * deviation, shortest, 0.25))
+        nodes: list[Node] = []
+        before = [first.vector]
+        while len(nodes) < _MOST:
+            here = before[-1]
+            ahead = here.copy()
+            if len(before) > 1:
+                ahead += (here - before[-2]) / (here[i] - before[-2][i]) * sign * step
+            ahead[i] = np.clip(here[i] + sign * step, low, high)
+            ahead = self._inside(ahead)
+            if abs(ahead[i] - here[i]) < 1e-9:
+                break
+            node = self.settled(ahead, i)
+            if node is None:
+                if step <= shortest:
+                    break
+                step *= 0.5
+                continue
+            nodes.append(node)
+            missed = float(np.abs(np.delete(node.vector - ahead, i)).max(initial=0.0))
+            stretch = 1.6 if missed < 0.03 else 0.7 if missed > 0.15 else 1.0
+            step = float(np.clip(step * stretch, shortest, _LONGEST))
+            evidence = self._level(node)
+            top = max(top, evidence)
+            if evidence < top - _DROP or not low < node.vector[i] < high:
+                break
+            before.append(node.vector)
+        return nodes, top
+
+
+def bends_of(nodes: Sequence[Node], density: Density) -> list[FloatArray]:
+    """Orthonormal columns (n, p) of each curve that span the nonlinear change of its model along a ridge.
+
+    A ridge is the path of `nodes` along which the likelihood changes little; only changes larger than the noise are
+    kept.
+    """
+    found = []
+    for i, curve in enumerate(density.curves):
+        fallen = np.array([node.places[i].fallen for node in nodes]).T
+        law = curve.moments.basis[:, : len(nodes[0].vector)]
+        acting = law[:, np.abs(law).max(axis=0) > 0.0]
+        q, _ = np.linalg.qr(acting)
+        left = fallen - q @ (q.T @ fallen)
+        u, sizes, _ = np.linalg.svd(left, full_matrices=False)
+        found.append(u[:, :_BENDS][:, sizes[:_BENDS] > _VISIBLE])
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +260,14 @@ class Ridge:
         `Density.log` of the draws, (m,).
     log_evidence : float
         Logarithm of the integral of the density: the mean of the weights before they sum to 1.
-    pareto, effective : float
-        Pareto k of the weights; effective number of draws.
+    pareto : float
+        Pareto k of the weights.
     coordinate : int
         The entry along which the ridge was walked.
     ends : tuple of float
         Log-density at the first and at the last node of the ridges, other entries integrated out, less its maximum.
     bounds : FloatArray
         Bounds of the scaled vector, (k, 2).
-    rounds : int
-        Number of further rounds of draws.
     failed : int
         Number of draws inside the bounds that have no contact law.
     source : Source
@@ -129,11 +281,9 @@ class Ridge:
     log_density: FloatArray
     log_evidence: float
     pareto: float
-    effective: float
     coordinate: int
     ends: tuple[float, float]
     bounds: FloatArray
-    rounds: int
     failed: int
     source: Source
     paths: Sequence[RidgePath]
@@ -197,7 +347,7 @@ class Ridges:
     nodes: Sequence[Sequence[Node]]
 
     @classmethod
-    def of(cls, likelihood: Weighed) -> Ridges:
+    def of(cls, likelihood: Any) -> Ridges:
         """Walk the ridges of a likelihood along its least determined non-linear entry.
 
         Raises
@@ -207,7 +357,11 @@ class Ridges:
         """
         groups = _groups(likelihood)
         for coordinate in _coordinates(likelihood):
-            density, nodes = _paths(likelihood, coordinate, groups)
+            plain = Density.of(likelihood)
+            nodes = [_walked(plain, coordinate, groups[0])]
+            # With the directions in which the model curves along the first ridge.
+            density = Density.of(likelihood, bends_of(nodes[0], plain))
+            nodes += [_walked(density, coordinate, chosen) for chosen in groups[1:]]
             if min(len(own) for own in nodes) > 1:
                 return cls(density, coordinate, groups, nodes)
         raise NothingDrawnError("no ridge could be walked from the optimum of a fit")
@@ -250,12 +404,14 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
         raise NothingDrawnError(
             "no draw along the ridge of the likelihood has a contact law within the bounds"
         )
-    rounds, entries = 0, np.concatenate((density.kept, source.noise))
-    while rounds < _ROUNDS and not (pool.pareto < _TRUSTED and pool.effective > _ENOUGH):
+    entries = np.concatenate((density.kept, source.noise))
+    for _ in range(_ROUNDS):
+        if pool.pareto < _TRUSTED and pool.effective > _ENOUGH:
+            break
         kernels = Kernels.about(pool.vectors, pool.log_weights, entries, rng)
         pool.add(kernels.log_density, kernels.draw(count, fit.vector, rng))
-        rounds += 1
-    bounds = fit.problem.bounds
+    levels = [[float(logsumexp(node.evidence)) for node in own.nodes] for own in proposals]
+    top, bounds = max(max(own) for own in levels), fit.problem.bounds
     inside = ((pool.vectors >= bounds[:, 0]) & (pool.vectors <= bounds[:, 1])).all(axis=1)
     return Ridge(
         draws=pool.vectors,
@@ -263,18 +419,16 @@ def draw(ridges: Ridges, rng: np.random.Generator, count: int = _DRAWS) -> Ridge
         log_density=pool.levels,
         log_evidence=float(logsumexp(pool.log_weights) - np.log(len(pool.vectors))),
         pareto=pool.pareto,
-        effective=pool.effective,
         coordinate=ridges.coordinate,
-        ends=_ends(proposals),
+        ends=(max(own[0] for own in levels) - top, max(own[-1] for own in levels) - top),
         bounds=bounds,
-        rounds=rounds,
         failed=int((inside & ~np.isfinite(pool.levels)).sum()),
         source=source,
         paths=paths,
     )
 
 
-def _coordinates(likelihood: Weighed) -> list[int]:
+def _coordinates(likelihood: Any) -> list[int]:
     """Indices of the entries along which a ridge may be walked, best first.
 
     These are entries in which the force is non-linear: the substrate's modulus, then by falling standard deviation.
@@ -287,7 +441,7 @@ def _coordinates(likelihood: Weighed) -> list[int]:
     return [*base, *order] or [int(i) for i in likelihood.entries]
 
 
-def _groups(likelihood: Weighed) -> list[list[int]]:
+def _groups(likelihood: Any) -> list[list[int]]:
     """Group the hypotheses (indices) that share a ridge: those without and those with a correction of the value.
 
     A correction is a step or ramp of the force or a turn of the baseline; one group if such are improbable.
@@ -302,47 +456,24 @@ def _groups(likelihood: Weighed) -> list[list[int]]:
     return [part for part in parts if part]
 
 
-def _paths(
-    likelihood: Weighed, coordinate: int, groups: Sequence[Sequence[int]]
-) -> tuple[Density, list[list[Node]]]:
-    """Walk the ridge of each group of hypotheses along entry `coordinate`: the density, and nodes of each ridge.
-
-    The density gets the directions in which the model curves along the first ridge.
-    """
-    plain = Density.of(likelihood)
-    nodes = _walked(plain, coordinate, groups[0])
-    density = Density.of(likelihood, bends_of(nodes, plain))
-    return density, [nodes, *(_walked(density, coordinate, chosen) for chosen in groups[1:])]
-
-
 def _walked(density: Density, coordinate: int, chosen: Sequence[int]) -> list[Node]:
-    likelihood = density.likelihood
-    fit, bounds = likelihood.fit, likelihood.fit.problem.bounds
+    """Walk along the ridge of the hypotheses `chosen`."""
+    likelihood, vector = density.likelihood, density.likelihood.fit.vector
     heaviest = chosen[int(np.argmax(likelihood.combined.weights[list(chosen)]))]
-    moments, settled = [curve.moments for curve in density.curves], None
+    moments = [curve.moments for curve in density.curves]
+    if len(moments) == 1 and likelihood.states[0].hypotheses.corrects[heaviest]:
+        own = moments[0]
+        path = Walk(density, coordinate, chosen, [own.residual], [own.basis @ own.taken[heaviest]])
+        step = likelihood.mixture.means[heaviest] - vector
+        # By at most 1 in any scaled entry (a factor e).
+        near = vector + step * min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300))
+        settled = path.settled(near, None)
+        # Where the correction leads to a place without a law, the walk begins at least squares.
+        return path.nodes(vector if settled is None else settled.vector)
     misses = [np.zeros_like(own.residual) for own in moments]
-    without = [np.zeros((len(own.residual), 0)) for own in moments]
-    correcting = len(moments) == 1 and bool(likelihood.states[0].hypotheses.corrects[heaviest])
-    if correcting:
-        misses, without = [moments[0].residual], [moments[0].basis @ moments[0].taken[heaviest]]
-    path = Path(density, bounds, misses, without, likelihood.priors)
-    if correcting:
-        settled = path.settled(_near(fit.vector, likelihood.mixture.means[heaviest]), None)
-
-    def level(node: Node) -> float:
-        found = conditionals(density, [node], coordinate, chosen)[0]
-        return float(logsumexp(found.evidence))
-
-    deviation = float(likelihood.mixture.deviations[coordinate])
-    deviation = deviation if deviation > _HELD else 1.0
-    # Where the correction leads to a place without a law, the walk begins at least squares.
-    return walk(path, fit.vector if settled is None else settled.vector, coordinate, deviation, level)
-
-
-def _near(vector: FloatArray, other: FloatArray) -> FloatArray:
-    """Move from `vector` towards `other` (k,), by at most 1 in any scaled entry (a factor e)."""
-    step = other - vector
-    return np.asarray(vector + step * min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-300)))
+    return Walk(density, coordinate, chosen, misses, [np.zeros((len(own), 0)) for own in misses]).nodes(
+        vector
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,10 +521,3 @@ class Source:
         beside = -0.5 * (z * z).sum(axis=0) - np.log(np.diagonal(self.factor)).sum()
         beside -= 0.5 * len(self.noise) * np.log(2.0 * np.pi)
         return np.asarray(logsumexp(logs + np.log(self.shares), axis=1) + beside)
-
-
-def _ends(proposals: Sequence[Proposal]) -> tuple[float, float]:
-    """Log-evidence of all hypotheses at the first and at the last nodes of the ridges, less the largest on any."""
-    levels = [[float(logsumexp(node.evidence)) for node in own.nodes] for own in proposals]
-    top = max(max(own) for own in levels)
-    return max(own[0] for own in levels) - top, max(own[-1] for own in levels) - top

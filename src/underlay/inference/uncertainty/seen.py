@@ -1,21 +1,17 @@
-"""Disturbances of one curve in plain numbers (noise, misfit, step, ramp, turn), from which a verdict is made."""
+"""Disturbances of one curve in plain numbers (misfit, step, ramp, turn), from which a verdict is made."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.uncertainty.columns import LINE, Columns, smooth_basis
+from underlay.inference.uncertainty.columns import LINE, Columns
 from underlay.inference.uncertainty.hypotheses import Hypotheses
 from underlay.inference.uncertainty.noise import NoiseTable, cosines
-from underlay.inference.uncertainty.tree import Tangent
 
 _FOOT = 0.2  # share of the largest depth in which a gradual contact shows
-_TOP, _CONTACT = 1.0, 0.1  # depths, over the largest, between which the apparent modulus is compared
 
 
 @dataclass(frozen=True)
@@ -26,113 +22,85 @@ class Seen:
     ----------
     white : float
         Probability that the noise is white.
-    noise : float
-        Standard deviation of the white noise of a reading (N).
-    growth : float
-        Standard deviation of the noise at full depth, over that before contact; 1 where it does not grow.
-    misfit : float
-        Probability of a misfit, smooth in depth, of the contact law.
-    misfit_share : float
-        Root mean square of the misfit in contact, over that of the contact force.
-    change, change_deviation : float
-        ln of the apparent modulus at full depth over that at a tenth of it, and its standard deviation.
     foot : float
         Share of the misfit's relative size, squared, in the first fifth of the depth; near 1 where contact is made
         gradually.
-    step, ramp, line, turn : float
-        Probabilities of a step of the force at contact, of a baseline that drifts linearly in time, of interference
-        fringes or vibration, and of a baseline with a kink.
+    step, ramp, turn : float
+        Probabilities of a step of the force at contact, of a baseline that drifts linearly in time, and of a
+        baseline with a kink.
     step_force, ramp_force, turn_force : float
         Estimated sizes (N): of the step across contact, of ramp and turn over the whole record.
-    corrected : float
-        Probability of the hypotheses under which the fitted value is corrected for step, ramp or turn.
     """
 
     white: float
-    noise: float
-    growth: float
-    misfit: float
-    misfit_share: float
-    change: float
-    change_deviation: float
     foot: float
     step: float
     ramp: float
-    line: float
     turn: float
     step_force: float
     ramp_force: float
     turn_force: float
-    corrected: float
 
 
 def seen_in(
     columns: Columns,
-    tangent: Tangent,
+    contact: FloatArray,
     hypotheses: Hypotheses,
     table: NoiseTable,
     growth: FloatArray,
     deviation: float,
-    size: int,
 ) -> Seen:
     """Estimate the disturbances of one curve from its linearised model.
 
     Parameters
     ----------
-    columns, tangent, hypotheses, table, growth
+    columns, hypotheses, table, growth
         As in `CurveState`.
+    contact : FloatArray
+        Contact force in units of the rows, (n,), as in `Tangent`.
     deviation : float
         Unit of the rows (N).
-    size : int
-        Number of readings that are averaged in one row.
     """
-    found = list(_amplitudes(columns, hypotheses, table, growth))
-    weight = np.array([w for w, _, _, _ in found])
-    profile = _Profile.of(columns, tangent)
-    shares, changes, feet = (np.array(part) for part in zip(*(profile.of_one(t) for t in found), strict=True))
-    middles, variances = changes[:, 0], changes[:, 1]
-    middle = float(weight @ middles)
-    steps = np.array([_range(columns.values[:, columns.step] @ b[columns.step]) for _, b, _, _ in found])
-    ramps = np.array([2.0 * float(b[columns.ramp.start]) for _, b, _, _ in found])
-    turns = np.array([np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for _, b, _, _ in found])
+    found = _amplitudes(columns, hypotheses, table, growth)
+    inside = np.flatnonzero(columns.v > 0.0)
+    first, force = columns.v[inside] ** 2 < _FOOT, contact[inside]
+    pressed = np.where(np.abs(force) > 0.02 * np.abs(force).max(), force, np.inf)
+    shares, feet = [], []
+    for amplitudes in found:
+        misfit = np.zeros(len(columns.values))
+        for place in columns.families[:LINE]:
+            misfit += columns.values[:, place] @ amplitudes[place]
+        shares.append(np.linalg.norm(misfit[inside]) / np.linalg.norm(force))
+        relative = np.square(misfit[inside] / pressed)
+        feet.append(relative[first].sum() / max(relative.sum(), 1e-300))
+    weight, squares = hypotheses.weight, np.square(shares)
+    steps = [columns.values[:, columns.step] @ b[columns.step] for b in found]
+    ramps = [2.0 * b[columns.ramp.start] for b in found]
+    turns = [np.ptp(columns.values[:, columns.turn] @ b[columns.turn]) for b in found]
     return Seen(
         white=hypotheses.probability(hypotheses.noise == 0),
-        noise=float(weight @ np.sqrt(hypotheses.variance[: len(found)])) * deviation * size**0.5,
-        growth=float((growth[-1] / growth[0]) ** 0.5),
-        misfit=hypotheses.probability(hypotheses.misfits),
-        misfit_share=float((weight @ shares**2) ** 0.5),
-        change=middle,
-        change_deviation=float((weight @ (variances + (middles - middle) ** 2)) ** 0.5),
-        foot=float(weight @ (feet * shares**2) / max(weight @ shares**2, 1e-300)),
+        foot=float(weight @ (feet * squares) / max(weight @ squares, 1e-300)),
         step=hypotheses.probability(hypotheses.step > 0.0),
         ramp=hypotheses.probability(hypotheses.ramp > 0.0),
-        line=hypotheses.probability(hypotheses.family == LINE),
         turn=hypotheses.probability(hypotheses.family > LINE),
-        step_force=float(weight @ steps) * deviation,
+        step_force=float(weight @ [own[-1] - own[0] for own in steps]) * deviation,
         ramp_force=float(weight @ ramps) * deviation,
         turn_force=float(weight @ turns) * deviation,
-        corrected=hypotheses.probability(hypotheses.corrects),
     )
 
 
 def _amplitudes(
     columns: Columns, hypotheses: Hypotheses, table: NoiseTable, growth: FloatArray
-) -> Iterator[tuple[float, FloatArray, FloatArray, FloatArray]]:
-    """Estimated amplitudes of all columns under each hypothesis in turn.
-
-    Yields
-    ------
-    tuple
-        Probability of the hypothesis; amplitudes (columns,); indices of the columns that act under it; covariance
-        of their amplitudes.
-    """
+) -> list[FloatArray]:
+    """Estimated amplitudes (columns,) of all columns under each hypothesis."""
     coefficients = cosines(columns.values / np.sqrt(growth)[:, None])
     law = np.arange(columns.law.stop)
     acting = law[np.abs(columns.values[:, columns.law]).max(axis=0) > 0.0]
-    for one, weight in enumerate(hypotheses.weight):
+    every = []
+    for one, noise in enumerate(hypotheses.noise):
         sizes = hypotheses.sizes(columns, one)
         active = np.concatenate((acting, np.flatnonzero(sizes)))
-        weighted = coefficients / table.spectra[hypotheses.noise[one]][:, None]
+        weighted = coefficients / table.spectra[noise][:, None]
         scale = np.linalg.norm(coefficients[:, active], axis=0)
         normal = (coefficients[:, active].T @ weighted[:, active]) / scale / scale[:, None]
         precision = np.zeros(len(active))
@@ -140,66 +108,5 @@ def _amplitudes(
         inverse = np.linalg.pinv(normal + np.diag(precision), hermitian=True) / scale / scale[:, None]
         found = np.zeros(columns.values.shape[1])
         found[active] = inverse @ (coefficients[:, active].T @ weighted[:, -1])
-        yield float(weight), found, active, inverse * hypotheses.variance[one]
-
-
-@dataclass(frozen=True, eq=False)
-class _Profile:
-    """Computes size and place of a misfit from its amplitudes.
-
-    `inside` are the rows in contact, `force` the contact force of all rows, and `reads` the coefficients by which
-    amplitudes give the change of ln E with depth (`_readers`).
-    """
-
-    columns: Columns
-    inside: NDArray[np.intp]
-    force: FloatArray
-    reads: FloatArray
-
-    @classmethod
-    def of(cls, columns: Columns, tangent: Tangent) -> _Profile:
-        inside = np.flatnonzero(columns.v > 0.0)
-        return cls(columns, inside, tangent.contact, _readers(columns, tangent))
-
-    def of_one(
-        self, one: tuple[float, FloatArray, FloatArray, FloatArray]
-    ) -> tuple[float, FloatArray, float]:
-        """Describe the misfit of one hypothesis, given as `_amplitudes` yields it.
-
-        Returns
-        -------
-        tuple
-            Root mean square over that of the contact force; change of ln E from a tenth of the depth to all of it,
-            and its variance; share of the squared relative misfit in the first fifth of the depth.
-        """
-        _, amplitudes, active, covariance = one
-        misfit = np.zeros(len(self.columns.values))
-        for place in self.columns.families[:LINE]:
-            misfit += self.columns.values[:, place] @ amplitudes[place]
-        own, force = misfit[self.inside], self.force[self.inside]
-        share = float(np.linalg.norm(own) / np.linalg.norm(force))
-        reader = self.reads[active]
-        change = np.array([float(self.reads @ amplitudes), float(reader @ covariance @ reader)])
-        relative = np.square(own / np.where(np.abs(force) > 0.02 * np.abs(force).max(), force, np.inf))
-        first = self.columns.v[self.inside] ** 2 < _FOOT
-        return share, change, float(relative[first].sum() / max(relative.sum(), 1e-300))
-
-
-def _readers(columns: Columns, tangent: Tangent) -> FloatArray:
-    """Coefficients (columns,) whose product with the amplitudes is ln E(full depth) - ln E(a tenth of it)."""
-    order = np.argsort(columns.v, kind="stable")
-    v = columns.v[order]
-    peak = {"relative": np.abs(tangent.contact).max(), "shift": np.abs(tangent.stiffness).max()}
-    found = np.zeros(columns.values.shape[1])
-    for sign, depth in ((1.0, _TOP), (-1.0, _CONTACT)):
-        force = np.interp(depth**0.5, v, tangent.contact[order])
-        stiffness = np.interp(depth**0.5, v, tangent.stiffness[order])
-        basis = smooth_basis(np.array([depth**0.5]))[0]
-        relative, shift = columns.families[:LINE]
-        found[relative] += sign * basis / peak["relative"]
-        found[shift] += sign * basis * stiffness / peak["shift"] / force
-    return found
-
-
-def _range(step: FloatArray) -> float:
-    return float(step[-1] - step[0])
+        every.append(found)
+    return every

@@ -28,7 +28,7 @@ from underlay.units import KINDS
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.pointwise.result import PointwiseModulus
+    from underlay.inference.uncertainty.answer import PointwiseModulus
 
 #: Name of the statistical part in the budget.
 NOISE = "noise and misfit"
@@ -40,8 +40,6 @@ _FARTHEST = 6.0
 _STEP = 1e-5
 # Logarithm of a ratio beyond which a float overflows.
 _HIGHEST = 700.0
-# Indices of the first rows of `Statement._places`: the answer's value, least squares, and the first shift.
-_VALUE, _PLAIN, _FIRST_MOVE = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +71,14 @@ class _Scale:
     @property
     def value(self) -> float:
         """The answer's value, on the scale."""
-        return float(self.places[_VALUE])
+        return float(self.places[0])
 
-    def at(self, below: float, above: float) -> tuple[float, float]:
-        """The quantity (SI) at two distances from the value on the scale; infinite distances give infinite ends."""
+    def about(self, arms: FloatArray, bias: float) -> tuple[float, float]:
+        """Ends (SI) of an interval with `arms` (2,) down and up about the value shifted by `bias`, on the scale.
+
+        They enclose the value; infinite arms give infinite ends.
+        """
+        below, above = max(float(arms[0]) - bias, 0.0), max(float(arms[1]) + bias, 0.0)
         lowest, highest = self.possible
         low = max(self.physical(self.value - below), lowest) if math.isfinite(below) else -math.inf
         high = min(self.physical(self.value + above), highest) if math.isfinite(above) else math.inf
@@ -129,7 +131,8 @@ class Statement:
         require_level(level)
         key = (name, level)
         if key not in self._answers:
-            self._answers[key] = self._found(self._scale(name, level), level)
+            scale = self._of_parameter if name in self.fit.names else self._of_derived
+            self._answers[key] = self._found(scale(name, level), level)
         return self._answers[key]
 
     @cached_property
@@ -165,7 +168,7 @@ class Statement:
 
     def modulus_by_depth(self, curve: int, points: int, level: float) -> PointwiseModulus:
         """Young's modulus fitted at each depth of one curve; see `Fit.modulus_by_depth`."""
-        from underlay.inference.pointwise.modulus import modulus_by_depth  # noqa: PLC0415  few ask
+        from underlay.inference.pointwise import modulus_by_depth  # noqa: PLC0415  few ask
 
         return modulus_by_depth(self.fit, curve=curve, points=points, level=level)
 
@@ -196,14 +199,11 @@ class Statement:
             self._followed[level] = derived_quantities(problem, problem.physical(vectors))
         return self._followed[level]
 
-    def _scale(self, name: str, level: float) -> _Scale:
-        return self._of_parameter(name, level) if name in self.fit.names else self._of_derived(name, level)
-
     def _of_parameter(self, name: str, level: float) -> _Scale:
         index = self.fit.names.index(name)
         coordinate, places = self.fit.problem.coordinates[index], self._places[:, index]
         low, high = (
-            end if abs(end - places[_VALUE]) < _FARTHEST else math.copysign(math.inf, end - places[_VALUE])
+            end if abs(end - places[0]) < _FARTHEST else math.copysign(math.inf, end - places[0])
             for end in self.reading.interval(index, level)
         )
         unit = KINDS[kind_of(name)].si
@@ -215,12 +215,12 @@ class Statement:
         if not declared(coordinate.path).from_zero:
             return _Scale(name, unit, low, high, places, physical, coordinate.quantity.bounds)
         # Its errors add in the plain value: in logarithms small errors near zero become factors of 100.
-        own, top = physical(places[_VALUE]), physical(high)
+        own, top = physical(places[0]), physical(high)
         slope = float(self.fit.problem.slopes(self.reading.corrected)[index])
         # Within two standard deviations of zero, judged by the upper end, which no prior sets, it has an upper
         # bound only.
         floor = 0.0 if top >= 2.0 * own else physical(low)
-        straight = own + slope * (places - places[_VALUE])
+        straight = own + slope * (places - places[0])
         return _Scale(name, unit, floor, top, straight, lambda number: max(float(number), 0.0))
 
     def _of_derived(self, name: str, level: float) -> _Scale:
@@ -244,79 +244,67 @@ class Statement:
 
     def _found(self, scale: _Scale, level: float) -> Answer:
         """The answer: statistical and systematic part added in quadrature on the scale, and the budget's rows."""
-        below, above = max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)
+        seen = np.array([max(scale.value - scale.low, 0.0), max(scale.high - scale.value, 0.0)])
         times = float(special.ndtri(0.5 + 0.5 * level) / special.ndtri(0.5 + 0.5 * _LEVEL))
-        arms = {source: times * own for source, own in self._arms(scale).items()}
-        systematic = np.sqrt(sum((own * own for own in arms.values()), np.zeros(2)))
-        biases = self._biases(scale)
-        bias = sum(biases.values())
-        low, high = scale.at(
-            max(math.hypot(below, systematic[0]) - bias, 0.0),
-            max(math.hypot(above, systematic[1]) + bias, 0.0),
+        arms = [times * own for own in self._arms(scale)]
+        # Mean shifts by the sources of systematic error.
+        biases = scale.places[len(scale.places) - len(self.sources) :] - scale.value
+        systematic = np.sqrt(sum((own * own for own in arms), np.zeros(2)))
+        both = np.array([math.hypot(*own) for own in zip(seen, systematic, strict=True)])
+        bias, total = (
+            sum(biases.tolist()),
+            float(seen[0] ** 2 + seen[1] ** 2) + float(systematic @ systematic),
         )
-        value = scale.physical(scale.value)
-        total = below**2 + above**2 + float(systematic @ systematic)
-        rows = [_row(scale, (NOISE, "", "seen"), np.array([below, above]), 0.0, total)]
+        rows = [_row(scale, (NOISE, "", "seen"), seen, 0.0, total)]
         rows += [
-            _row(scale, (source.name, source.size, source.origin), own, biases[source], total)
-            for source, own in arms.items()
+            _row(scale, (source.name, source.size, source.origin), own, shift, total)
+            for source, own, shift in zip(self.sources, arms, biases.tolist(), strict=True)
         ]
-        rows.sort(key=lambda row: -row.share)
+        name, value = scale.name, scale.physical(scale.value)
         return Answer(
-            scale.name,
+            name,
             value,
-            low,
-            high,
+            *scale.about(both, bias),
             level,
             scale.unit,
-            Interval(scale.name, level, value, *scale.at(below, above)),
-            Interval(
-                scale.name,
-                level,
-                value,
-                *scale.at(max(systematic[0] - bias, 0.0), max(systematic[1] + bias, 0.0)),
-            ),
-            tuple(rows),
+            Interval(name, level, value, *scale.about(seen, 0.0)),
+            Interval(name, level, value, *scale.about(systematic, bias)),
+            tuple(sorted(rows, key=lambda row: -row.share)),
             self._notes(scale),
         )
 
-    def _arms(self, scale: _Scale) -> dict[Source, FloatArray]:
+    def _arms(self, scale: _Scale) -> list[FloatArray]:
         """How far each source of systematic error moves the quantity down and up on the scale, (2,).
 
         The independent rows of a source add in quadrature.
         """
-        arms, first = {}, _FIRST_MOVE
+        arms, first = [], 2
         for source in self.sources:
             shape = source.moves.shape[:2]
             count = shape[0] * shape[1]
             ends = scale.places[first : first + count].reshape(shape) - scale.value
             down, up = np.maximum(-ends.min(axis=1), 0.0), np.maximum(ends.max(axis=1), 0.0)
-            arms[source], first = np.sqrt([down @ down, up @ up]), first + count
+            arms.append(np.sqrt([down @ down, up @ up]))
+            first += count
         return arms
-
-    def _biases(self, scale: _Scale) -> dict[Source, float]:
-        """Mean shift of the quantity by each source of systematic error, on the scale."""
-        middles = scale.places[len(scale.places) - len(self.sources) :] - scale.value
-        return dict(zip(self.sources, middles.tolist(), strict=True))
 
     def _notes(self, scale: _Scale) -> tuple[str, ...]:
         """Sentences on what was corrected in the value, with the value before the correction."""
-        notes = []
-        plain = float(scale.places[_PLAIN])
-        if plain != scale.value:
-            taken_out = " and ".join(
-                words
-                for words, acts in (
-                    ("a force step at contact", max(seen.step for seen in self.reading.seen) > 0.5),
-                    ("a drifting baseline", max(seen.ramp for seen in self.reading.seen) > 0.5),
-                    ("a turn of the baseline", max(seen.turn for seen in self.reading.seen) > 0.5),
-                )
-                if acts
-            )
-            notes.append(
-                f"{taken_out or 'a disturbance'} is taken out; with it in, {scale.physical(plain):.6g}"
-            )
-        return tuple(notes)
+        plain = float(scale.places[1])
+        if plain == scale.value:
+            return ()
+        kinds = {
+            "step": "a force step at contact",
+            "ramp": "a drifting baseline",
+            "turn": "a turn of the baseline",
+        }
+        likely = [
+            words
+            for kind, words in kinds.items()
+            if any(getattr(seen, kind) > 0.5 for seen in self.reading.likelihood.seen)
+        ]
+        taken_out = " and ".join(likely) or "a disturbance"
+        return (f"{taken_out} is taken out; with it in, {scale.physical(plain):.6g}",)
 
 
 def _row(
@@ -327,7 +315,7 @@ def _row(
     `said` is its name, size and origin, `own` (2,) how far it moves the quantity down and up about its mean shift
     `bias`, and `total` the variance of all sources on the scale.
     """
-    low, high = scale.at(max(float(own[0]) - bias, 0.0), max(float(own[1]) + bias, 0.0))
+    low, high = scale.about(own, bias)
     value, square = scale.physical(scale.value), float(own @ own)
     share = 1.0 if not math.isfinite(square) else square / total if 0.0 < total < math.inf else 0.0
     return Contribution(*said, value - low, high - value, share)

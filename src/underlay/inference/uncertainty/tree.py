@@ -1,7 +1,5 @@
 """The curves of a fit as the likelihood needs them: model, averaged or whitened readings, stated noise.
 
-The only file of this folder that uses `Problem`, `Member`, `Forward` and `Fit`.
-
 Averages of successive readings: fewer rows, with no loss for a force that is smooth in depth.
 
 No block contains the point of contact: averaged across it, a reading is off by 1e-3 of the peak force, which
@@ -12,18 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_readings
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.quantities import declared
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares.fit_result import Fit
 
 _MOST, _MOST_FINE = 400, 1200  # largest number of blocks of a curve; of a curve that is fast near contact
 # Largest width of a block near contact, and the distance that counts as near: shares of the largest depth.
@@ -130,12 +130,10 @@ class CurveModel:
         Rows (..., n) of readings (..., points); whitening and averaging are linear.
     answers : callable
         Rows (..., n) of values that `forward` returns.
-    depth, measured : FloatArray
-        Rows of the depth (m) and of the force in units of `deviation`, (n,).
+    measured : FloatArray
+        Rows of the force in units of `deviation`, (n,).
     deviation : float
         Standard deviation of a row that least squares assumed (N); 1 where rows are whitened.
-    size : int
-        Number of readings in a block.
     least_variance : float
         Variance of a row due to rounding of the readings, in units of deviation^2.
     is_open : bool
@@ -149,13 +147,42 @@ class CurveModel:
     forward: Any
     fold: Callable[[FloatArray], FloatArray]
     answers: Callable[[FloatArray], FloatArray]
-    depth: FloatArray
     measured: FloatArray
     deviation: float
-    size: int
     least_variance: float
     is_open: bool
     size_is_known: bool
+
+    @classmethod
+    def of(cls, fit: Fit, i: int) -> CurveModel:
+        """Model of curve `i` of a fit: block averages where no noise was stated, else whitened readings."""
+        problem, member, noise = fit.problem, fit.problem.members[i], fit.noises[i]
+        curve, forward, sigma = member.curve, member.forward, fit.sigmas[i]
+
+        def whitened(values: FloatArray) -> FloatArray:
+            return np.asarray(noise.whiten(values / sigma, curve.time))
+
+        if not problem.noise_is_open:
+            force, known = whitened(curve.force), not member.scale_is_unknown
+            return cls(problem, member, forward, whitened, whitened, force, 1.0, 0.0, False, known)
+        contact = member.values_at(problem.physical(fit.vector))[_CONTACT]
+        blocks = Blocks.of(curve.depth, contact)
+        depth, deviation = blocks.means(curve.depth), float(sigma[0]) / blocks.size**0.5
+
+        def averaged(values: FloatArray) -> FloatArray:
+            return np.asarray(blocks.means(values) / deviation)
+
+        def at_blocks(values: FloatArray) -> FloatArray:
+            return np.asarray(values / deviation)
+
+        answers = averaged
+        # A time-dependent or adhesive law is evaluated at every reading and the forces are averaged; else the law
+        # is evaluated at the averaged depths.
+        if forward.history is None and member.scene.adhesion is None:
+            forward, answers = forward.moved(depth, blocks.means(curve.force)), at_blocks
+        # The error of rounding is the same for successive readings: it does not average out within a block.
+        least, force = (resolution(curve.force) / deviation) ** 2 / 12.0, averaged(curve.force)
+        return cls(problem, member, forward, averaged, answers, force, deviation, least, True, False)
 
     def tangent(self, vector: FloatArray) -> Tangent:
         """Model and derivatives at a scaled vector (k,); raises InputError where no contact law exists."""
@@ -183,25 +210,11 @@ class CurveModel:
         found = batched_readings(self.forward, values, len(vectors), stiffness=False)
         return self.answers(found.contact), self.answers(found.force), found.possible
 
-    def rows(self, column: FloatArray) -> FloatArray:
-        """Rows (n,) of a force (N), (points,), that is added to the curve's readings."""
-        return self.fold(np.asarray(column, dtype=np.float64))
-
-    def curve(self, rows: FloatArray) -> Curve:
-        """A curve at the depths of the rows, with the forces `rows` (n,) in units of `deviation`."""
-        return Curve(self.depth, rows * self.deviation)
-
     def _plain(self, values: FloatArray) -> FloatArray:
         """Block averages, in their own units and not whitened, of values at the depths of `forward`."""
         if len(values) == len(self.measured):
             return values
         return self.answers(values) * self.deviation
-
-
-def curve_models(fit: Any) -> list[CurveModel]:
-    """One `CurveModel` for each curve of a `Fit`."""
-    make = _open if fit.problem.noise_is_open else _stated
-    return [make(fit, i) for i in range(len(fit.problem.members))]
 
 
 def straight(problem: Problem) -> NDArray[np.bool_]:
@@ -225,72 +238,14 @@ def scales_force(problem: Problem) -> NDArray[np.bool_]:
     return np.array([not c.path.startswith("instrument.baseline") for c in problem.coordinates])
 
 
-def held(fit: Any) -> NDArray[np.bool_]:
+def held(fit: Fit) -> NDArray[np.bool_]:
     """Mask (k,) of the entries of a fit's vector that lie on a bound."""
     return np.array([name in fit.bounds_hit for name in fit.names])
-
-
-def _open(fit: Any, i: int) -> CurveModel:
-    """Model of curve `i` as block averages, for a fit without a stated noise.
-
-    A sample with a time-dependent or adhesive law is evaluated at every reading and the forces are averaged; else
-    the law is evaluated at the averaged depths.
-    """
-    problem, member = fit.problem, fit.problem.members[i]
-    curve = member.curve
-    contact = member.values_at(problem.physical(fit.vector))[_CONTACT]
-    blocks = Blocks.of(curve.depth, contact)
-    depth = blocks.means(curve.depth)
-    deviation = float(fit.sigmas[i][0]) / blocks.size**0.5
-
-    def fold(values: FloatArray) -> FloatArray:
-        return np.asarray(blocks.means(values) / deviation)
-
-    def at_blocks(values: FloatArray) -> FloatArray:
-        return np.asarray(values / deviation)
-
-    forward, answers = member.forward, fold
-    if forward.history is None and member.scene.adhesion is None:
-        forward, answers = forward.moved(depth, blocks.means(curve.force)), at_blocks
-    # The error of rounding is the same for successive readings: it does not average out within a block.
-    least = (resolution(curve.force) / deviation) ** 2 / 12.0
-    force, size = fold(curve.force), blocks.size
-    return CurveModel(
-        problem, member, forward, fold, answers, depth, force, deviation, size, least, True, False
-    )
-
-
-def _stated(fit: Any, i: int) -> CurveModel:
-    """Model of curve `i` with all readings, whitened by the stated noise."""
-    problem, member, noise = fit.problem, fit.problem.members[i], fit.noises[i]
-    sigma, time, depth = fit.sigmas[i], member.curve.time, member.curve.depth
-
-    def fold(values: FloatArray) -> FloatArray:
-        return np.asarray(noise.whiten(values / sigma, time))
-
-    force = fold(member.curve.force)
-    known = not member.scale_is_unknown
-    return CurveModel(problem, member, member.forward, fold, fold, depth, force, 1.0, 1, 0.0, False, known)
-
-
-def has_common_errors(problem: Problem) -> bool:
-    """Whether the curves share errors, which the rows of a single curve cannot show."""
-    return problem.common is not None
 
 
 def noise_entries(problem: Problem) -> NDArray[np.intp]:
     """Indices of the entries of a vector that are parameters of the noise."""
     return np.array(sorted(problem.noise_entries), dtype=np.intp)
-
-
-def log_posterior(problem: Problem, vectors: FloatArray) -> FloatArray:
-    """Log-posterior (sets,) of scaled vectors (sets, k), for a stated noise."""
-    return problem.log_posterior(vectors)
-
-
-def log_prior(problem: Problem, vectors: FloatArray) -> FloatArray:
-    """Log-prior (sets,) of scaled vectors (sets, k); -inf outside the bounds."""
-    return problem.log_prior(vectors)
 
 
 def tangents(models: Sequence[CurveModel], vector: FloatArray) -> list[Tangent] | None:

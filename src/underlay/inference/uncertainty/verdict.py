@@ -55,8 +55,8 @@ _CHANGED_HALF_SPACE = math.log(1.20)
 _RISE, _TENTH = 0.03, 0.1
 # Share of a misfit in the first fifth of the depth from which contact is judged to be gradual.
 _FOOT = 0.7
-# Probabilities from which a step or a ramp is reported, and the shares of the largest force that they must exceed.
-_LIKELY, _STEP, _RAMP = 0.9, 0.02, 0.02
+# Probability from which a step, a ramp or a turn is reported, and the share of the largest force that it must pass.
+_LIKELY, _VISIBLE = 0.9, 0.02
 # Share of the variance due to one input, and half width of the interval, from which that input is reported.
 _ONE_INPUT, _WIDE = 0.8, 0.30
 # 1/Jm of soft tissue, the middle of its prior (the study of stiffening layers, section 3).
@@ -65,6 +65,7 @@ _USUAL_LIMIT = 0.5
 _FACTOR = 2.0
 # Next step and setting where the baseline is not constant.
 _FIT_SLOPE = ("fit a baseline slope", ("fit.instrument.baseline_slope", "{}"))
+_SETTLE = ("let the instrument settle before a test, or fit the readings before the turn",)
 _WORDS = {
     "indenter.radius": "the tip radius",
     "layer.thickness": "the thickness",
@@ -78,6 +79,10 @@ _WARNED = {
     "file": ("scene file of another test", "enter what the curve's file says"),
     "over-whitened": ("the stated correlation time is too long", "state a shorter one, or none"),
     "prior": ("a prior that does not fit this sample, or a model that does not", "check the prior"),
+    "correlated-residuals": (
+        "the noise is not as stated",
+        "leave the noise out: what the curve shows is allowed for",
+    ),
     "second-optimum": ("two quantities trade off along the curve", "add a curve with a second tip radius"),
 }
 
@@ -97,10 +102,8 @@ def verdict_of(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> A
     found = list(_found(fit, reading, answer))
     if not found:
         return Advice(GOOD, f"the model describes the curve{_residuals(fit)}")
-    worst = [entry for entry in found if entry.word == REJECT] or found
-    first = worst[0]
-    others = tuple(entry for entry in found if entry is not first)
-    return Advice(first.word, first.reason, first.cause, first.next, first.setting, others)
+    first = next((entry for entry in found if entry.word == REJECT), found[0])
+    return replace(first, others=tuple(entry for entry in found if entry is not first))
 
 
 def _residuals(fit: Fit) -> str:
@@ -116,18 +119,28 @@ def _left(fit: Fit, i: int) -> float:
 
 
 def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Iterator[Advice]:
-    for i, seen in enumerate(reading.seen):
+    for i, seen in enumerate(reading.likelihood.seen):
         yield from _of_memory(fit, i)  # first: it knows the cause
         yield from _of_misfit(fit, i, seen)
-    yield from _of_reading(reading)
-    names = [
-        name for name in fit.names if not name.startswith(("noise.", "instrument.", "lever.", "discrepancy."))
-    ]
-    answers = [answer(name) for name in names]
-    yield from _of_bounds(fit)
+    if reading.pareto > 0.7:
+        yield Advice(
+            CHECK,
+            "the intervals rest on few draws",
+            "parameters that trade off along a curved ridge",
+            "sample the posterior by a long chain (method emcee)",
+        )
+    others = ("noise.", "instrument.", "lever.", "discrepancy.")
+    answers = [answer(name) for name in fit.names if not name.startswith(others)]
+    for name, bound in fit.bounds_hit.items():
+        yield Advice(
+            CHECK,
+            f"{name} ended on its {bound}",
+            "bounds too narrow, or a number that this curve does not determine",
+            "widen its bounds, or enter its value and leave it out of the fit",
+        )
     yield from _of_widths(fit, reading, answers)
     yield from _of_inputs(answers)
-    for i, seen in enumerate(reading.seen):
+    for i, seen in enumerate(reading.likelihood.seen):
         yield from _of_readings(fit, i, seen)
     yield from _of_warnings(fit)
 
@@ -170,8 +183,8 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
         )
         return
     half_space = scene.substrate is None and signed > 0.0
-    if half_space and scene.adhesion is None:
-        change = max(change, _WRONG) if change > _CHANGED_HALF_SPACE else change
+    if half_space and scene.adhesion is None and change > _CHANGED_HALF_SPACE:
+        change = max(change, _WRONG)
     word = REJECT if change >= _WRONG and (half_space or _left(fit, i) > _DESCRIBED) else CHECK
     if scene.adhesion is not None:
         yield Advice(
@@ -182,39 +195,24 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             ("curve.segment", "all"),
         )
         return
-    stiffer = "stiffer" if signed > 0.0 else "softer"
     pressed = float(curve.depth.max()) - scene.instrument.contact_depth
     stiffens = signed > 0.0 and _may_stiffen(scene, pressed)
     if half_space:
-        yield Advice(
-            word,
-            f"the half-space model does not describe the curve: E rises with depth by {share}",
-            *(
-                caused
-                or (
-                    "a stiffer base below the layer"
-                    + (", or a sample that stiffens with strain" if stiffens else ""),
-                    "enter the thickness of the layer, and its substrate",
-                    ("layer.thickness", "<your thickness>"),
-                )
-            ),
+        reason = f"the half-space model does not describe the curve: E rises with depth by {share}"
+        remedy: _Remedy = (
+            "a stiffer base below the layer"
+            + (", or a sample that stiffens with strain" if stiffens else ""),
+            "enter the thickness of the layer, and its substrate",
+            ("layer.thickness", "<your thickness>"),
         )
-        return
-    half = format_quantity(0.5 * pressed, "length", digits=3)
-    yield Advice(
-        word,
-        f"the curve is {stiffer} at depth than the model, by {share}",
-        *(
-            caused
-            or (
-                _cause(scene, signed),
-                "fit its strain stiffening too, inverse_limit (1/Jm, such as 0.5) free"
-                if stiffens
-                else f"fit up to half of the depth ({half})",
-                ("layer.stiffening.model", "gent") if stiffens else ("curve.fit_to", half),
-            )
-        ),
-    )
+    else:
+        reason = f"the curve is {'stiffer' if signed > 0.0 else 'softer'} at depth than the model, by {share}"
+        half = format_quantity(0.5 * pressed, "length", digits=3)
+        remedy = (_cause(scene, signed), f"fit up to half of the depth ({half})", ("curve.fit_to", half))
+        if stiffens:
+            following = "fit its strain stiffening too, inverse_limit (1/Jm, such as 0.5) free"
+            remedy = (remedy[0], following, ("layer.stiffening.model", "gent"))
+    yield Advice(word, reason, *(caused or remedy))
 
 
 def _undescribed(fit: Fit, i: int) -> _Remedy:
@@ -222,16 +220,12 @@ def _undescribed(fit: Fit, i: int) -> _Remedy:
     moduli = [name for name in fit.names if path_of(name).startswith("layer.E")]
     for name in moduli:
         if name in fit.bounds_hit:
-            bound = fit.bounds_hit[name]
-            return (f"{name} ended on its {bound}", "widen its bounds", ())
+            return (f"{name} ended on its {fit.bounds_hit[name]}", "widen its bounds", ())
     if caused := _cause_in_curve(fit, i):
         return caused
     if not moduli:
-        return (
-            "the layer's modulus is held at the number that you entered",
-            "fit it too",
-            ("fit.layer.E", "{}"),
-        )
+        cause = "the layer's modulus is held at the number that you entered"
+        return (cause, "fit it too", ("fit.layer.E", "{}"))
     return (
         "a tip or an effect that is not in the model",
         "look at the picture, and check the tip's shape and size and the units of the file",
@@ -352,39 +346,17 @@ def _of_memory(fit: Fit, i: int) -> Iterator[Advice]:
             yield Advice(*doubt)
 
 
-def _cause(scene: object, change: float) -> str:
-    memory = getattr(scene, "memory", None)
+def _cause(scene: Scene, change: float) -> str:
     if change > 0.0:
         return "the sample stiffens with strain, or its base is nearer than entered"
-    if memory is None:
+    if scene.memory is None:
         return "the sample relaxes while it is loaded, or its base is farther than entered"
     return "the base is farther than entered, or strains are too large for the model"
 
 
-def _of_reading(reading: Reading) -> Iterator[Advice]:
-    if reading.pareto > 0.7:
-        yield Advice(
-            CHECK,
-            "the intervals rest on few draws",
-            "parameters that trade off along a curved ridge",
-            "sample the posterior by a long chain (method emcee)",
-        )
-
-
 # --- the answers --------------------------------------------------------------------------------------------
-def _of_bounds(fit: Fit) -> Iterator[Advice]:
-    for name, bound in fit.bounds_hit.items():
-        yield Advice(
-            CHECK,
-            f"{name} ended on its {bound}",
-            "bounds too narrow, or a number that this curve does not determine",
-            "widen its bounds, or enter its value and leave it out of the fit",
-        )
-
-
 def _of_widths(fit: Fit, reading: Reading, answers: Sequence[Answer]) -> Iterator[Advice]:
     for known in answers:
-        seen = known.contributions[0].origin == "seen"
         if known.is_open:
             yield Advice(
                 CHECK,
@@ -400,24 +372,23 @@ def _of_widths(fit: Fit, reading: Reading, answers: Sequence[Answer]) -> Iterato
                 "indent deeper, or leave it out",
             )
         elif known.low > 0.0 and known.high > _FACTOR * known.low:
+            first = known.contributions[0]
+            rests = f"{first.source} makes {100.0 * first.share:.0f} % of the variance"
+            remedy = (rests, "measure that better, and state its uncertainty", ())
             yield Advice(
                 CHECK,
                 f"{known.name} is known to a factor of {known.high / known.low:.2g} only",
-                *(
-                    _why_wide(fit, reading)
-                    if seen
-                    else (_largest(known), "measure that better, and state its uncertainty")
-                ),
+                *(_why_wide(fit, reading) if first.origin == "seen" else remedy),
             )
 
 
 def _why_wide(fit: Fit, reading: Reading) -> _Remedy:
     """Why the curves themselves leave a number wide: a fault of a curve, its baseline, the tip, or noise."""
-    for i, seen in enumerate(reading.seen):
+    for i, seen in enumerate(reading.likelihood.seen):
         if caused := _cause_in_curve(fit, i):
             return caused
         peak = float(abs(fit.curves[i].force).max())
-        drifts = max(abs(seen.ramp_force), seen.turn_force) > _RAMP * peak
+        drifts = max(abs(seen.ramp_force), seen.turn_force) > _VISIBLE * peak
         # Likelier than not.
         if not _slopes(fit) and drifts and seen.ramp + seen.turn > 0.5:
             return ("a baseline that may drift, or bend", *_FIT_SLOPE)
@@ -429,11 +400,6 @@ def _why_wide(fit: Fit, reading: Reading) -> _Remedy:
             (),
         )
     return ("noise and misfit of the curve itself", "indent deeper, or with a second tip too", ())
-
-
-def _largest(known: Answer) -> str:
-    first = known.contributions[0]
-    return f"{first.source} makes {100.0 * first.share:.0f} % of the variance"
 
 
 def _of_inputs(answers: Sequence[Answer]) -> Iterator[Advice]:
@@ -456,7 +422,7 @@ def _of_inputs(answers: Sequence[Answer]) -> Iterator[Advice]:
 # --- the readings -------------------------------------------------------------------------------------------
 def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     peak = float(abs(fit.curves[i].force).max())
-    if seen.step > _LIKELY and abs(seen.step_force) > _STEP * peak and fit.scenes[i].adhesion is None:
+    if seen.step > _LIKELY and abs(seen.step_force) > _VISIBLE * peak and fit.scenes[i].adhesion is None:
         yield Advice(
             CHECK,
             f"the force jumps at contact by {format_quantity(seen.step_force, 'force', digits=2)}",
@@ -464,23 +430,19 @@ def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             "fit with adhesion, or leave out the first 5 % of the force",
             ("curve.fit_from", "5 % of force"),
         )
-    if seen.ramp > _LIKELY and abs(seen.ramp_force) > _RAMP * peak:
+    if seen.ramp > _LIKELY and abs(seen.ramp_force) > _VISIBLE * peak:
         yield Advice(
             CHECK,
             f"the baseline drifts by {format_quantity(seen.ramp_force, 'force', digits=2)} over the record",
             "thermal drift, or drag of the approach",
             *_FIT_SLOPE,
         )
-    if seen.turn > _LIKELY and seen.turn_force > _RAMP * peak:
+    if seen.turn > _LIKELY and seen.turn_force > _VISIBLE * peak:
         yield Advice(
             CHECK,
             f"the baseline turns during the record, by {format_quantity(seen.turn_force, 'force', digits=2)}",
             "thermal drift that changed on the way, or a cable or fluid that pulls",
-            *(
-                ("let the instrument settle before a test, or fit the readings before the turn",)
-                if _slopes(fit)
-                else _FIT_SLOPE
-            ),
+            *(_SETTLE if _slopes(fit) else _FIT_SLOPE),
         )
 
 
@@ -499,12 +461,9 @@ def _of_warnings(fit: Fit) -> Iterator[Advice]:
             )
     if fit.alternatives:
         yield Advice(CHECK, "other values explain the curve as well, or nearly", *_WARNED["second-optimum"])
-    counted = dict(_WARNED)
-    if not fit.problem.noise_is_open:
-        counted["correlated-residuals"] = (
-            "the noise is not as stated",
-            "leave the noise out: what the curve shows is allowed for",
-        )
     for warning in fit.warnings:
-        if warning.code in counted:
-            yield Advice(CHECK, warning.message, *counted[warning.code])
+        # What open noise allows for is no reason for doubt.
+        if warning.code in _WARNED and not (
+            warning.code == "correlated-residuals" and fit.problem.noise_is_open
+        ):
+            yield Advice(CHECK, warning.message, *_WARNED[warning.code])

@@ -16,8 +16,7 @@ from underlay.report.plots import style
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
-    from underlay.inference.pointwise.result import PointwiseModulus
-    from underlay.inference.uncertainty.answer import Answer
+    from underlay.inference.uncertainty.answer import Answer, PointwiseModulus
 
 # Over the largest modulus; what noise throws further out is cut off.
 _HEADROOM, _USUAL = 1.15, 0.95
