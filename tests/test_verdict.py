@@ -153,3 +153,26 @@ def test_a_range_is_not_good_that_does_not_foretell_the_rest(tmp_path, entered, 
     assert told == word
     beyond = [reason for reason in told.reasons if "beyond the fitted range" in reason]
     assert len(beyond) == (word == "check")
+
+
+@pytest.mark.parametrize(
+    ("other", "named"), [({}, ""), ({"E": 1.3e6}, "layer.E"), ({"h": 1.6e-3}, "thickness")]
+)
+def test_curves_that_exclude_each_other_are_no_good_joint_fit(other, named):
+    """Two tips on two sites: a number between both, or outside, fits each a little, and neither is right."""
+    depth = np.linspace(-3e-5, 1.2e-4, 400)
+
+    def site(radius, E=1e6, h=1.2e-3):
+        return ul.Scene(ul.Sphere(radius), ul.Layer(ul.Isotropic(E, 0.46), h), ul.RIGID)
+
+    tests = [
+        (site(radius, 5e5, 1e-3), ul.synthesize(site(radius, **its), depth, ul.Noise(force=2e-4), seed))
+        for seed, (radius, its) in enumerate(((5e-4, {}), (1.5e-3, other)))
+    ]
+    shared = {"layer.E": (1e4, 1e8), "layer.thickness": (2e-4, 1e-2)}
+    own = {"instrument.contact_depth": (-3e-5, 8e-5), "instrument.baseline": (-0.05, 0.05)}
+    told = ul.fit(ul.Problem.joint(tests, shared | own, list(shared))).verdict
+    assert told == ("check" if named else "good")
+    contradictions = [reason for reason in told.reasons if "contradict each other" in reason]
+    assert len(contradictions) == bool(named)
+    assert named in "".join(contradictions)

@@ -85,6 +85,10 @@ _WARNED = {
         "the noise is not as stated",
         "leave the noise out: what the curve shows is allowed for",
     ),
+    "contradiction": (
+        "curves of unlike sites or samples, or a tip whose size is not as entered",
+        "fit each curve alone, or leave out of shared what differs between them",
+    ),
     "second-optimum": ("two quantities trade off along the curve", "add a curve with a second tip radius"),
 }
 
