@@ -392,3 +392,26 @@ def test_the_less_the_noise_the_shorter_the_interval():
         assert known.value == pytest.approx(5e5, rel=0.01)
         widths.append(known.high / known.low - 1.0)
     assert widths[0] > widths[1] > widths[2]
+
+
+@pytest.mark.parametrize("approach", [0.0, 3e-6])
+def test_a_sample_that_relaxes_is_no_drifting_baseline(approach):
+    """Without readings before contact nothing tells a drift from a misfit: the value stays as fitted."""
+    time = np.arange(0.0, 1.2 + approach / 1e-4, 0.01)
+    depth = 1e-4 * time - approach
+    memory = ul.Prony((0.4,), (1.0,))
+    layer = ul.Layer(ul.Isotropic(1e6, 0.46), 1.2e-3)
+    elastic = ul.Scene(ul.Sphere(5e-4), layer, ul.RIGID)
+    relaxing = replace(elastic, layer=replace(layer, relaxation=memory))
+    curve = ul.synthesize(relaxing, depth, ul.Noise(force=2e-4), 8, time=time)
+    apparent = 1e6 * relaxing.force(depth, time)[-1] / elastic.force(depth)[-1]
+    free = {
+        "layer.E": (1e4, 1e8),
+        "instrument.contact_depth": (-5e-5, 8e-5),
+        "instrument.baseline": (-0.1, 0.1),
+    }
+    fit = ul.fit(ul.Problem(elastic, ul.Curve(depth, curve.force), free))
+    answer = fit.answer("layer.E")
+    assert answer.value == fit.values["layer.E"]
+    assert answer.low < apparent < answer.high
+    assert not answer.notes

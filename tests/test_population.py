@@ -442,6 +442,11 @@ def test_what_a_reader_must_know_is_said():
     table.loc[1, "verdict"] = "check"
     said = " ".join(ul.population(table, doubtful="drop").sentences())
     assert "Left out: 2 of 8 curves (1 no fit, 1 verdict check)" in said
+    table.loc[2, "verdict"] = "reject"
+    said = " ".join(ul.population(table).sentences())
+    assert "Left out: 2 of 8 curves (1 no fit, 1 verdict reject)" in said
+    table.loc[2, "decision"] = "accept"
+    assert "reject" not in " ".join(ul.population(table).sentences())
     assert "Student's t of their means" in said
     alone = table[table["animal"] == "a1"]
     assert "nothing here says how animals differ" in " ".join(ul.population(alone).sentences())
@@ -594,3 +599,25 @@ def test_as_many_animals_as_are_asked_for_would_give_the_interval_that_is_promis
         screen.interval_text(group.mean, group.mean / math.exp(half), group.mean * math.exp(half), "pressure")
         in step
     )
+
+
+def test_a_rejected_fit_is_no_measurement_of_the_sample():
+    """Fits of half-spaces to samples that stiffen fourfold are left out, and said; if all are, that is refused."""
+    half = ul.Scene(ul.Sphere(5e-6), ul.Layer(ul.Isotropic(1e4, 0.45)))
+    depth = np.linspace(-2e-7, 1e-6, 120)
+
+    def fitted(seed, rise):
+        clean = ul.simulate(half, depth).force * (1.0 + rise * np.maximum(depth, 0.0) / 1e-6)
+        noise = np.random.default_rng(seed).normal(0.0, 1e-11, depth.size)
+        free = ["layer.E", "instrument.contact_depth"]
+        return ul.fit(ul.Problem(half, ul.Curve(depth, clean + noise), free))
+
+    good = [({"animal": name}, fitted(seed, 0.0)) for seed, name in enumerate("aabb")]
+    wrong = [({"animal": name}, fitted(9 + seed, 3.0)) for seed, name in enumerate("ab")]
+    assert all(fit.verdict == "good" for _, fit in good)
+    assert all(fit.verdict == "reject" for _, fit in wrong)
+    both, alone = ul.population([*good, *wrong]), ul.population(good)
+    assert both.groups[""].mean == alone.groups[""].mean
+    assert "2 verdict reject" in " ".join(both.sentences())
+    with pytest.raises(ul.InputError, match="no curve is left: 2 were left out"):
+        ul.population(wrong)

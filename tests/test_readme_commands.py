@@ -99,6 +99,7 @@ def fresh_lines():
 
 
 @pytest.mark.slow
+@pytest.mark.study
 def test_every_line_of_the_readme_runs_in_a_fresh_shell(tmp_path):
     clone = tmp_path / "underlay"
     subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)

@@ -29,6 +29,8 @@ from underlay.units import KINDS, format_quantity, human_unit, kind_of, parse_qu
         ("20 uN", "force", 2e-5),
         ("1 gf", "force", 9.80665e-3),
         ("1 kgf", "force", 9.80665),
+        ("250 Å", "length", 2.5e-8),
+        ("250 \u212b", "length", 2.5e-8),
         ("35 deg", "angle", math.radians(35)),
         ("35°", "angle", math.radians(35)),
         ("0.019 N/m", "stiffness", 0.019),

@@ -117,3 +117,62 @@ def test_ramps_whose_holds_are_left_out_are_several_loadings(ramps):
     verdict = ul.fit(ul.Problem(made, curve, {"layer.E": (1e4, 1e8), "instrument.baseline": None})).verdict
     assert ("several loadings" in verdict.cause) == (ramps > 1)
     assert (verdict.word == "good") == (ramps == 1)
+
+
+@pytest.mark.parametrize(("depths", "word"), [(12.0, "check"), (np.inf, "good")])
+def test_a_half_space_whose_modulus_rises_is_not_called_good(depths, word):
+    """A base twelve depths below makes E 13 % too large, of which the contact point hides the most."""
+    layer = ul.Layer(ul.Isotropic(1e4, 0.45), depths * 1e-6)
+    sample = ul.Scene(ul.Sphere(5e-6), layer, ul.RIGID if np.isfinite(depths) else None)
+    depth = np.linspace(-5e-7, 1e-6, 400)
+    curve = ul.synthesize(sample, depth, ul.Noise(force=4e-11), 3)
+    half_space = ul.Scene(ul.Sphere(5e-6), ul.Layer(ul.Isotropic(1e4, 0.45)))
+    told = verdict(curve, FREE, half_space)
+    assert told == word
+    assert ("E rises with depth" in told.reason) == (word == "check")
+
+
+@pytest.mark.parametrize(("entered", "word"), [("cone", "check"), ("paraboloid", "good")])
+def test_a_range_is_not_good_that_does_not_foretell_the_rest(tmp_path, entered, word):
+    """A wrong tip is hidden by fitting ever less of the curve; what lies beyond the range shows it."""
+    curve = ul.synthesize(SCENE, DEPTH, ul.Noise(force=1e-4), 2)
+    (tmp_path / "curve.csv").write_text(
+        "depth (um),force (mN)\n"
+        + "\n".join(f"{1e6 * w:.6g},{1e3 * P:.6g}" for w, P in zip(curve.depth, curve.force, strict=True))
+    )
+    tip = {
+        "cone": 'shape = "cone"\nhalf_angle = "80 deg"',
+        "paraboloid": 'shape = "paraboloid"\nradius = "3 mm"',
+    }
+    (tmp_path / "scene.toml").write_text(
+        f'[indenter]\n{tip[entered]}\n[layer]\nE = "0.5 MPa"\nnu = 0.45\n[curve]\nfit_to = "40 um"\n'
+        '[fit]\nlayer.E = { min = "1 kPa", max = "100 MPa" }\n'
+        'instrument.contact_depth = { min = "-100 um", max = "100 um" }\ninstrument.baseline = {}\n'
+    )
+    told = ul.fit(ul.load_problem(tmp_path / "curve.csv", tmp_path / "scene.toml")).verdict
+    assert told == word
+    beyond = [reason for reason in told.reasons if "beyond the fitted range" in reason]
+    assert len(beyond) == (word == "check")
+
+
+@pytest.mark.parametrize(
+    ("other", "named"), [({}, ""), ({"E": 1.3e6}, "layer.E"), ({"h": 1.6e-3}, "thickness")]
+)
+def test_curves_that_exclude_each_other_are_no_good_joint_fit(other, named):
+    """Two tips on two sites: a number between both, or outside, fits each a little, and neither is right."""
+    depth = np.linspace(-3e-5, 1.2e-4, 400)
+
+    def site(radius, E=1e6, h=1.2e-3):
+        return ul.Scene(ul.Sphere(radius), ul.Layer(ul.Isotropic(E, 0.46), h), ul.RIGID)
+
+    tests = [
+        (site(radius, 5e5, 1e-3), ul.synthesize(site(radius, **its), depth, ul.Noise(force=2e-4), seed))
+        for seed, (radius, its) in enumerate(((5e-4, {}), (1.5e-3, other)))
+    ]
+    shared = {"layer.E": (1e4, 1e8), "layer.thickness": (2e-4, 1e-2)}
+    own = {"instrument.contact_depth": (-3e-5, 8e-5), "instrument.baseline": (-0.05, 0.05)}
+    told = ul.fit(ul.Problem.joint(tests, shared | own, list(shared))).verdict
+    assert told == ("check" if named else "good")
+    contradictions = [reason for reason in told.reasons if "contradict each other" in reason]
+    assert len(contradictions) == bool(named)
+    assert named in "".join(contradictions)

@@ -58,7 +58,7 @@ _ALSO = {"surface energy": "stiffness"}
 _SMALLEST, _LARGEST = 1e-60, 1e60
 # Characters allowed in a unit. Everything else is refused before pint sees it: pint evaluates expressions, and a
 # file is not trusted with an expression.
-_UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
+_UNIT = re.compile(r"[A-Za-z%°\u00c5\u212b\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
 # A number with a decimal comma, 1,5 for 1.5.
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\s,.][^,]*)?)\s*")

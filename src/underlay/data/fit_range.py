@@ -11,11 +11,14 @@ from underlay._given import require_given
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, InputError
-from underlay.scene.fit_range import FitRange, Mark
+from underlay.scene.fit_range import BEYOND, FitRange, Mark
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 __all__ = ["in_range"]
+
+
+_REST = 50  # largest number of readings that are kept of what lies beyond the range
 
 
 class _Zero(NamedTuple):
@@ -81,7 +84,12 @@ def in_range(curve: Curve, wanted: FitRange, scene: Scene, contact_depth: float 
             f"reading of {format_quantity(zero.contact, 'length')}, the deepest point "
             f"{format_quantity(zero.deepest, 'length')} beyond it under {format_quantity(zero.largest, 'force')}"
         )
-    return curve.select(kept).with_metadata(fit_range=str(wanted))
+    about: dict[str, object] = {"fit_range": str(wanted)}
+    rest = order[last + 3 * (len(order) - last) // 4 :]
+    if rest.size:
+        rest = rest[:: 1 + rest.size // _REST]
+        about[BEYOND] = curve.depth[rest].tolist(), curve.force[rest].tolist()
+    return curve.select(kept).with_metadata(**about)
 
 
 def _zero(curve: Curve, scene: Scene, contact_depth: float | None) -> _Zero:

@@ -290,6 +290,7 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
         notes=(*curve.metadata.get("notes", ()), *settled.notes), **({"assumed": assumed} if assumed else {})
     )
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
+    _require_history(file.draft, file.curve.get("step"))
     curve = within_range(file, file.draft, curve)
     free = free_of(file, curve)
     started = _started(file, curve)
@@ -298,6 +299,15 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
     problem = Problem(started, curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem
+
+
+def _require_history(scene: Scene, step: int | None) -> None:
+    """Refuse a later step of a record for a sample that remembers the steps before it."""
+    if step is not None and step > 1 and scene.memory is not None:
+        raise InputError(
+            f"a sample with a memory remembers what came before step {step} of this record: fit all steps together "
+            '(leave step out, with segment = "all"), or step 1 alone'
+        )
 
 
 def _started(file: SceneFile, curve: Curve) -> Scene:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from underlay.errors import InputError
 from underlay.units import format_quantity, parse_quantity
 
+#: Entry of a curve's metadata: depths (m) and forces (N) of the deepest quarter of what lies beyond a fit range.
+BEYOND = "beyond_the_range"
 # Quantities of which an end of a range may be a share or a multiple, and the pattern of such an end.
 _OF = ("force", "depth", "thickness", "radius")
 _RELATIVE = re.compile(

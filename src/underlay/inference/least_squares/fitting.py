@@ -12,7 +12,7 @@ derivatives of the whitened residuals, q a scaled parameter and x its value in S
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -26,7 +26,7 @@ from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.adhesive import about_left_out, determined, for_all_readings
 from underlay.inference.least_squares.candidates import EXPLAINED, ONE_PLACE, candidates
 from underlay.inference.least_squares.engine import Ahead
-from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fit_result import Fit, FitWarning
 from underlay.inference.least_squares.judge import judge
 from underlay.inference.least_squares.models import LOSSES
 from underlay.inference.least_squares.scan import LIKELY, Start, scan
@@ -35,12 +35,16 @@ from underlay.inference.least_squares.settle import METHODS, Minimiser, Optimum,
 from underlay.inference.problem import Problem
 from underlay.inference.uncertainty.answer import PointwiseModulus
 from underlay.mechanics.solvers import Exact
+from underlay.units import format_quantity
 
 # Steps shorter than the first (scaled coordinates) are those at a minimum, which lead in any direction; a step
 # along a path makes an angle with it whose cosine is at least the second.
 _LONG, _ALONG = 0.3, 0.9
 # Refits with a tighter law that `refine` makes at most.
 _MAX_REFINEMENTS = 4
+# Standard error, relative, up to which a curve alone knows a number of the sample; the difference (in ln) of two
+# such numbers, and the number of its standard deviations, from which the curves contradict each other.
+_KNOWN_ALONE, _APART, _EXCLUDED = 0.2, 0.1, 5.0
 # Share of a standard error by which the law's own error may move a parameter.
 _LAW_SHARE = 1.0 / 3.0
 # Relative tolerances of the law that `refine` may ask for.
@@ -97,6 +101,8 @@ def fit(
     _check(method, robust, start)
     lmfit = Minimiser("least_squares" if robust else method, robust)
     found = _fit_once(problem, lmfit, start)
+    if len(problem.members) > 1:
+        found = replace(found, warnings=(*found.warnings, *_contradictions(problem)))
     for _ in range(_MAX_REFINEMENTS if refine else 0):
         worst = law_bias(found)
         if worst <= _LAW_SHARE:
@@ -172,6 +178,46 @@ def pointwise_modulus(
     require_given(result, "result", Fit, Problem)
     found = fit(result) if isinstance(result, Problem) else result
     return found.modulus_by_depth(curve, points, level)
+
+
+def _contradictions(problem: Problem) -> Iterator[FitWarning]:
+    """Warn of shared numbers of the sample that single curves of a joint fit, each fitted alone, exclude."""
+    alone = list(_each_alone(problem))
+    for path in (name for name in problem.shared if name.startswith(("layer.", "substrate."))):
+        known = [
+            (found.values[path], found.stderr[path] / found.values[path])
+            for found in alone
+            if path in found.names and 0.0 < found.stderr[path] < _KNOWN_ALONE * found.values[path]
+        ]
+        if len(known) < 2:
+            continue
+        low, high = min(known), max(known)
+        apart = float(np.log(high[0] / low[0]))
+        if apart > max(_APART, _EXCLUDED * float(np.hypot(low[1], high[1]))):
+            ends = (
+                format_quantity(value, problem.base_scenes[0].quantities[path].kind)
+                for value, _ in (low, high)
+            )
+            yield FitWarning(
+                "contradiction",
+                f"the curves contradict each other: alone they give {path} from {' to '.join(ends)}",
+            )
+
+
+def _each_alone(problem: Problem) -> Iterator[Fit]:
+    """Each curve of a joint problem fitted alone, without those that tell too little for that."""
+    for number, member in enumerate(problem.members):
+        entries = (*member.entries.values(), *member.noise_entries.values())
+        free = {problem.coordinates[entry].path: problem.coordinates[entry].prior for entry in entries}
+        noise = member.noise if problem.noise_is_stated else None
+        try:
+            yield quick_fit(
+                Problem(
+                    problem.base_scenes[number], problem.curves[number], free, noise, solver=problem.solver
+                )
+            )
+        except (InputError, FitError):
+            continue
 
 
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:

@@ -80,7 +80,8 @@ def population(
     group : str, optional
         Column of the groups that are compared. "rat 1" in two groups is two animals.
     doubtful : str
-        "keep" includes curves with a doubtful verdict, "drop" leaves them out; the result states how many.
+        "keep" includes curves whose verdict is "check", "drop" leaves them out. Those whose verdict is "reject" are
+        left out, unless accepted by hand; the result states how many.
     tails : str
         "normal", or "outliers": a tenth of the curves may come from a distribution five times as wide.
     shared_error : float, optional
@@ -151,7 +152,7 @@ def _selected(
     if isinstance(results, str | os.PathLike):
         results = read_map(results)
     if not isinstance(results, pd.DataFrame):
-        return select_results(results, parameter, by, group), [], 0.0, ""
+        return *select_results(results, parameter, by, group, doubtful), 0.0, ""
     of_map = shared_error_of(results) if parameter == _MODULUS else None
     kept, left = select_rows(results, parameter, by, group, doubtful)
     return kept, left, of_map or 0.0, "" if group else group_column(results, by)

@@ -15,6 +15,7 @@ from underlay.inference.population.likelihood import CurveLikelihood
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.uncertainty.answer import NORMAL_95
+from underlay.inference.uncertainty.verdict import CHECK, REJECT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,8 +64,6 @@ def select_rows(
     InputError
         If a column is missing, a label is empty, or the parameter was not fitted.
     """
-    if doubtful not in (_KEEP, _DROP):
-        raise InputError(f"doubtful must be {_KEEP!r} or {_DROP!r}; got {doubtful!r}")
     wanted = [*([] if group is None else [group]), *by]
     _require_columns(table, wanted, parameter)
     kept: list[LabelledCurve] = []
@@ -77,7 +76,7 @@ def select_rows(
         if row["status"] != FITTED:
             by_hand = row["status"] == REFUSED_BY_HAND
             left.append(LeftOut(head, name, REFUSED_BY_HAND if by_hand else "no fit"))
-        elif doubtful == _DROP and row["verdict"] != "good" and row.get("decision") != ACCEPT:
+        elif row["verdict"] in _refused(doubtful) and row.get("decision") != ACCEPT:
             left.append(LeftOut(head, name, f"verdict {row['verdict']}"))
         else:
             nine_numbers = row.get(text)
@@ -90,6 +89,13 @@ def select_rows(
     return kept, left
 
 
+def _refused(doubtful: str) -> tuple[str, ...]:
+    """Verdicts that leave a curve out: a rejected model says nothing of the sample, a doubtful one may be kept."""
+    if doubtful not in (_KEEP, _DROP):
+        raise InputError(f"doubtful must be {_KEEP!r} or {_DROP!r}; got {doubtful!r}")
+    return (REJECT,) if doubtful == _KEEP else (REJECT, CHECK)
+
+
 def group_column(table: pd.DataFrame, by: Sequence[str] = ()) -> str:
     """Column of a map's table that tells groups of its fitted curves apart, none of `by`; "" without one."""
     fitted = table[table["status"] == FITTED]
@@ -98,15 +104,15 @@ def group_column(table: pd.DataFrame, by: Sequence[str] = ()) -> str:
 
 
 def select_results(
-    results: Sequence[Labelled], parameter: str, by: Sequence[str], group: str | None
-) -> list[LabelledCurve]:
-    """Curves of fits, profiles or posteriors with their labels and likelihoods.
+    results: Sequence[Labelled], parameter: str, by: Sequence[str], group: str | None, doubtful: str
+) -> tuple[list[LabelledCurve], list[LeftOut]]:
+    """Curves of fits, profiles or posteriors that are used, and those left out with the reason.
 
     Parameters
     ----------
     results : sequence of (labels, result)
         Labels by column, and a `Fit`, a profile or a `Posterior`.
-    parameter, by, group
+    parameter, by, group, doubtful
         As in `population`.
 
     Raises
@@ -115,7 +121,9 @@ def select_results(
         If a label is missing, the parameter is not free, or the results are of different models.
     """
     _require_pairs(results)
-    curves = []
+    kept: list[LabelledCurve] = []
+    left: list[LeftOut] = []
+    refused = _refused(doubtful)
     frees = {_free(found) for _, found in results}
     if len(frees) > 1:
         raise InputError(
@@ -135,10 +143,13 @@ def select_results(
                     f"result {number} has no label {column!r}; it has {', '.join(labels) or 'none'}"
                 )
         head = "" if group is None else str(labels[group])
-        curves.append(
-            LabelledCurve(head, tuple(str(labels[column]) for column in by), _likelihood(found, parameter))
-        )
-    return curves
+        verdict = (found.fit if isinstance(found, LikelihoodProfile) else found).verdict.word
+        if verdict in refused:
+            left.append(LeftOut(head, f"result {number}", f"verdict {verdict}"))
+            continue
+        own = tuple(str(labels[column]) for column in by)
+        kept.append(LabelledCurve(head, own, _likelihood(found, parameter)))
+    return kept, left
 
 
 def _require_pairs(results: object) -> None:

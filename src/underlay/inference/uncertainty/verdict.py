@@ -22,6 +22,7 @@ from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.reading import Reading
 from underlay.mechanics.response import WholeHistory
 from underlay.quantities import path_of
+from underlay.scene.fit_range import BEYOND
 from underlay.scene.instrument import ContactDepth
 from underlay.units import format_quantity
 
@@ -49,8 +50,9 @@ _NOT_DESCRIBED = 0.05
 _GAP = 10.0
 # Residuals over the stated noise from which the noise is not as stated, or the model not right.
 _BEYOND_NOISE = 3.0
-# Rise of a half-space's modulus (in ln) from which a stiffer base is the likely cause.
-_CHANGED_HALF_SPACE = math.log(1.20)
+# Rises of a half-space's modulus (in ln) from which a stiffer base is the likely cause, and from which there may be
+# one: a base twelve depths below makes E 13 % too large and shows 5 %, since the contact point hides the rest.
+_CHANGED_HALF_SPACE, _RISES = math.log(1.20), math.log(1.03)
 # Share of the depth over which a step at contact rises, and share of the depth that counts as shallow.
 _RISE, _TENTH = 0.03, 0.1
 # Share of a misfit in the first fifth of the depth from which contact is judged to be gradual.
@@ -82,6 +84,10 @@ _WARNED = {
     "correlated-residuals": (
         "the noise is not as stated",
         "leave the noise out: what the curve shows is allowed for",
+    ),
+    "contradiction": (
+        "curves of unlike sites or samples, or a tip whose size is not as entered",
+        "fit each curve alone, or leave out of shared what differs between them",
     ),
     "second-optimum": ("two quantities trade off along the curve", "add a curve with a second tip radius"),
 }
@@ -122,6 +128,7 @@ def _found(fit: Fit, reading: Reading, answer: Callable[[str], Answer]) -> Itera
     for i, seen in enumerate(reading.likelihood.seen):
         yield from _of_memory(fit, i)  # first: it knows the cause
         yield from _of_misfit(fit, i, seen)
+        yield from _of_the_rest(fit, i)
     if reading.pareto > 0.7:
         yield Advice(
             CHECK,
@@ -156,8 +163,9 @@ def _in_words(change: float) -> str:
 def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     """Advice where the law does not fit: everywhere, or by an amount that changes with depth."""
     signed, deviation = change_with_depth(fit, i)
-    change = abs(signed)
-    if change < _CHANGED or change < SURE * deviation:
+    change, scene = abs(signed), fit.scenes[i]
+    half_space = scene.substrate is None and signed > 0.0
+    if change < (_RISES if half_space else _CHANGED) or change < SURE * deviation:
         if _left(fit, i) > _NOT_DESCRIBED and seen.white < _LIKELY:
             yield Advice(
                 REJECT, f"the model does not describe the curve{_residuals(fit)}", *_undescribed(fit, i)
@@ -170,19 +178,17 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
                 "look at the picture; leave the noise out, and what the curve shows is allowed for",
             )
         return
-    scene, curve = fit.scenes[i], fit.curves[i]
-    share = _in_words(signed)
+    curve, share = fit.curves[i], _in_words(signed)
     caused = _cause_in_curve(fit, i)
     if seen.foot > _FOOT and not caused:
         yield Advice(
             CHECK,
             f"contact is made gradually: the first fifth of the depth is off by {share}",
-            "a rough, tilted or brushy surface",
+            "a rough, tilted or brushy surface; or the tip or the thickness is not as entered",
             "fit from a fifth of the force on, and report the modulus of that range",
             ("curve.fit_from", "20 % of force"),
         )
         return
-    half_space = scene.substrate is None and signed > 0.0
     if half_space and scene.adhesion is None and change > _CHANGED_HALF_SPACE:
         change = max(change, _WRONG)
     word = REJECT if change >= _WRONG and (half_space or _left(fit, i) > _DESCRIBED) else CHECK
@@ -208,7 +214,8 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     else:
         reason = f"the curve is {'stiffer' if signed > 0.0 else 'softer'} at depth than the model, by {share}"
         half = format_quantity(0.5 * pressed, "length", digits=3)
-        remedy = (_cause(scene, signed), f"fit up to half of the depth ({half})", ("curve.fit_to", half))
+        following = f"check these numbers; if they are right, fit up to half of the depth ({half})"
+        remedy = (_cause(scene, signed), following, ("curve.fit_to", half))
         if stiffens:
             following = "fit its strain stiffening too, inverse_limit (1/Jm, such as 0.5) free"
             remedy = (remedy[0], following, ("layer.stiffening.model", "gent"))
@@ -348,10 +355,39 @@ def _of_memory(fit: Fit, i: int) -> Iterator[Advice]:
 
 def _cause(scene: Scene, change: float) -> str:
     if change > 0.0:
-        return "the sample stiffens with strain, or its base is nearer than entered"
-    if scene.memory is None:
-        return "the sample relaxes while it is loaded, or its base is farther than entered"
-    return "the base is farther than entered, or strains are too large for the model"
+        return "the tip or the thickness is not as entered, or the sample stiffens with strain"
+    changes = (
+        "the sample relaxes while it is loaded"
+        if scene.memory is None
+        else "strains are too large for the model"
+    )
+    return f"the tip, the thickness or the frame's compliance is not as entered, or {changes}"
+
+
+def _of_the_rest(fit: Fit, i: int) -> Iterator[Advice]:
+    """Advice where the model of a fitted range does not foretell the readings beyond the range's upper end."""
+    curve, scene, problem = fit.curves[i], fit.scenes[i], fit.problem
+    rest = curve.metadata.get(BEYOND)
+    if rest is None or scene.memory is not None or scene.adhesion is not None:
+        return
+    depth, force = np.asarray(rest, dtype=np.float64)
+    member = problem.members[i]
+    try:
+        found = member.forward.moved(depth, force).reading(member.values_at(problem.physical(fit.vector)))
+    except InputError:  # no law reaches so deep: nothing is foretold
+        return
+    if not found.contact.min() > 0.0:
+        return
+    off = float(np.mean((force - found.force) / found.contact))
+    if abs(off) > math.expm1(_CHANGED):
+        yield Advice(
+            CHECK,
+            f"beyond the fitted range the force is {100.0 * abs(off):.0f} % "
+            f"{'above' if off > 0.0 else 'below'} the model",
+            "the tip's shape or size, the thickness or the frame's compliance is not as entered, or the sample "
+            "changes with depth",
+            "check these numbers; the modulus is that of the fitted range alone",
+        )
 
 
 # --- the answers --------------------------------------------------------------------------------------------
