@@ -38,7 +38,7 @@ from underlay.app.results import film_rows
 from underlay.cli import main
 from underlay.inference.batch.decisions import read_map
 from underlay.inference.films import fit_film
-from underlay.report.film_tables import film_table
+from underlay.report.scene_tables import film_table
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"

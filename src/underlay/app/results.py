@@ -34,14 +34,13 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer
-from underlay.report.details import pointwise_of, write_fit, write_posterior
+from underlay.report.details import pointwise_of, write_film, write_fit, write_posterior
 from underlay.report.excel import excel_bytes
-from underlay.report.film_tables import film_notes, film_table, write_film
 from underlay.report.labels import label
 from underlay.report.page import today
-from underlay.report.page_fit import FitPage
-from underlay.report.page_posterior import PosteriorPage
+from underlay.report.page_fit import FitPage, PosteriorPage
 from underlay.report.render import report
+from underlay.report.scene_tables import film_notes, film_table
 from underlay.report.tables import notes_of
 
 _WALKERS, _EVERY = 64, 10

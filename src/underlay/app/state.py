@@ -25,6 +25,7 @@ from underlay.data.samples import sample, samples
 from underlay.errors import InputError, UnderlayError
 from underlay.report.labels import label
 from underlay.scene.scene_file import SceneFile, scene_file_from_text
+from underlay.scene.uncertainties import leaves
 
 _NOTHING = "bring a file first, and pick the curve to look at"
 _CHANGED = {
@@ -122,7 +123,7 @@ def changed(before: str, after: str) -> str:
     >>> changed('layer.thickness = "1 mm"', 'layer.thickness = "2 mm"')
     'layer thickness'
     """
-    first, second = (_numbers(parse_toml(text)) for text in (before, after))
+    first, second = (dict(leaves(parse_toml(text))) for text in (before, after))
     paths = [path for path in {**first, **second} if first.get(path) != second.get(path)]
     # What was entered is no assumption any more: that is the same change.
     paths = [path for path in paths if path != "assumed"] or paths
@@ -131,14 +132,6 @@ def changed(before: str, after: str) -> str:
         for path in paths
     }
     return "the test" if len(words) > 1 else "".join(words)
-
-
-def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Return all values of a nested document by their dotted paths."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        found |= _numbers(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found
 
 
 class OpenAnalysis:

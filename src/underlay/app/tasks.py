@@ -2,7 +2,7 @@
 
 Results are plain values (text, numbers, bytes of pictures), so that they can be sent between processes.
 
-Thickness under the curves of an analysis, from contact heights (`data/contact_heights.py`), in its manifest.
+Thickness under the curves of an analysis, from contact heights (`thickness_of_heights`), in its manifest.
 """
 
 from __future__ import annotations
@@ -37,8 +37,7 @@ from underlay.app.shown import (
 )
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
-from underlay.data.contact_heights import thickness_of_heights
-from underlay.data.contact_point import find_contact
+from underlay.data.contact_point import find_contact, thickness_of_heights
 from underlay.data.curve import Curve, recorded
 from underlay.data.quality import check_quality
 from underlay.data.segments import LOADING

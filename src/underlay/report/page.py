@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -296,11 +296,8 @@ def document(title: str, *blocks: str, styles: Sequence[str] = ("colours", "fram
     )
 
 
-_Result = TypeVar("_Result")
-
-
 @dataclass
-class Page(ABC, Generic[_Result]):
+class Page(ABC):
     """The report page of a result: a head, a sheet of A4, and what is folded below it.
 
     Parameters
@@ -315,7 +312,7 @@ class Page(ABC, Generic[_Result]):
         Files whose SHA-256 the page states.
     """
 
-    result: _Result
+    result: Any
     day: str
     command: str = ""
     files: Sequence[Path] = ()

@@ -12,7 +12,8 @@ import numpy as np
 
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.report import details, page, plots, screen
-from underlay.report.labels import labelled, listed, start
+from underlay.report.details import Part, Picture, median_scenes, posterior_parts, predicted
+from underlay.report.labels import is_of_the_sample, labelled, listed, start
 from underlay.report.limits import DistinctScene, distinct_scenes
 from underlay.report.methods import cited_works, methods_paragraph, sample_words, tip_words
 from underlay.report.plots.style import in_words
@@ -28,7 +29,7 @@ _WORTH = 0.02
 
 
 @dataclass
-class FitPage(page.Page[Fit]):
+class FitPage(page.Page):
     """The report page of a fit; parameters as `Page`."""
 
     @cached_property
@@ -162,3 +163,72 @@ class FitPage(page.Page[Fit]):
             yield f"{name} · SHA-256 {known}" if known else f"{name} · points' SHA-256 {entry['data_sha256']}"
         if scene := self.result.provenance["curves"][0].get("scene_path"):
             yield f"scene {Path(scene).name}"
+
+
+# --- a posterior
+
+
+_BLUE = "Blue: the draws, with the regions that hold 68 and 95 %. Orange: what was known before the test."
+_MISSING = (
+    "The test is not shown: this posterior does not hold its scene ({missing}). With the curve and the scene file "
+    "that were sampled it can be: underlay report POSTERIOR.npz CURVE --scene SCENE.toml."
+)
+
+
+@dataclass
+class PosteriorPage(page.Page):
+    """The report page of a posterior; parameters as `Page`."""
+
+    @property
+    def title(self) -> str:
+        """Name of the first curve, or of the file of the posterior, and the number of further curves."""
+        problem = self.result.problem
+        if problem is not None:
+            return f"{page.name_of_curves(problem.curves)}: posterior"
+        return f"{self.files[0].name if self.files else 'one curve'}: posterior"
+
+    @property
+    def about(self) -> str:
+        """Tip and sample, as far as they are known, and the number of draws."""
+        problem, draws = self.result.problem, f"{len(self.result.samples)} draws"
+        if problem is None:
+            return draws
+        scene = problem.base_scenes[0]
+        return f"{tip_words(scene)}, on {sample_words(scene)} · {draws}"
+
+    def sheet(self, *, opened: bool = False) -> str:
+        """Return all of the posterior's page below its title as HTML; `opened` shows the folded parts."""
+        post = self.result
+        answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
+        curves = () if post.problem is None else post.problem.curves
+        first = page.figure(predicted(post, 0), page.CURVE) if post.predictive else ""
+        alt = "Corner plot: the distribution of every parameter and of every pair."
+        # Thousands of draws: as pixels.
+        return self.with_foot(
+            page.headline(answers, post.verdict, curves),
+            page.tag("section", first, self._drawing(), kind="figs"),
+            page.figure(
+                Picture(
+                    "corner", partial(plots.corner, post), alt, "Parameter by parameter, pair by pair.", _BLUE
+                ),
+                as_pixels=True,
+            ),
+            opened=opened,
+        )
+
+    def _drawing(self) -> str:
+        problem = self.result.problem
+        if problem is None:
+            return page.tag("p", page.words(_MISSING.format(missing=self.result.missing)), kind="none")
+        tests = distinct_scenes(median_scenes(self.result), problem.curves)
+        return page.tag("div", *(page.drawing(test, problem.solver, "at the median") for test in tests))
+
+    def origin(self) -> Iterator[str]:
+        """Yield the files with their hashes, and each curve with that of its points."""
+        yield from super().origin()
+        for entry in self.result.provenance["curves"]:
+            yield f"{entry.get('name') or 'curve'} · points' SHA-256 {entry['data_sha256']}"
+
+    def parts(self) -> Iterator[Part]:
+        """Return what stands behind the numbers, as `posterior_parts`."""
+        return posterior_parts(self.result, self.facts, *map(str, self.files))

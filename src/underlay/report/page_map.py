@@ -31,7 +31,7 @@ _GREY = "Sites without a fit are grey."
 
 
 @dataclass
-class MapPage(page.Page[pd.DataFrame]):
+class MapPage(page.Page):
     """The report page of a map, of what `fit_many` returned; parameters as `Page`."""
 
     @cached_property

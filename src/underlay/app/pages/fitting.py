@@ -14,7 +14,7 @@ from nicegui import events, ui
 from underlay.app.folder import is_kept
 from underlay.app.pages import parts
 from underlay.app.pages.outcome import Outcome
-from underlay.app.pages.step import Step, Window, Working
+from underlay.app.pages.parts import Step, Window, Working
 from underlay.app.shown import Film, Found, Law, Look
 from underlay.report.labels import labelled, start
 from underlay.report.plots.fit import Canvas

@@ -15,7 +15,7 @@ from nicegui import events, ui
 
 from underlay.app.labels import LABELS, curves_on_sample
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step, Window, Working
+from underlay.app.pages.parts import Step, Window, Working
 from underlay.app.shown import Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
 from underlay.report.review import Card

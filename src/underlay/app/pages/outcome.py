@@ -7,7 +7,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from underlay.app.pages import parts
-from underlay.app.pages.step import Window, Working
+from underlay.app.pages.parts import Window, Working
 from underlay.app.shown import Found
 from underlay.app.state import said
 

@@ -13,8 +13,8 @@ from underlay.app.pages import parts
 from underlay.app.pages.files import FilesStep
 from underlay.app.pages.fitting import FitStep
 from underlay.app.pages.many import ManyStep
+from underlay.app.pages.parts import Step, Window
 from underlay.app.pages.scene import SceneStep
-from underlay.app.pages.step import Step, Window
 from underlay.app.pages.takeaway import TakeAwayStep
 from underlay.app.state import SAMPLES, Home, OpenAnalysis, with_sample
 from underlay.report.page import style_of

@@ -26,7 +26,7 @@ from underlay.app.form import (
 )
 from underlay.app.labels import comma_problem
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step, Window
+from underlay.app.pages.parts import Step, Window
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from underlay.app.folder import is_kept
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step, Working
+from underlay.app.pages.parts import Step, Working
 from underlay.app.shown import Found, Sampled, Taken
 
 # What can be taken: words, task, ending of the file's name.
