@@ -5,8 +5,17 @@ from dataclasses import replace
 import pytest
 
 import underlay as ul
-from underlay.app.form import ADVANCED, ELSEWHERE, PRESETS, Draft, draft_from, preset, problem_with
-from underlay.app.labels import comma_problem, pairs_of
+from underlay.app.form import (
+    ADVANCED,
+    ELSEWHERE,
+    PRESETS,
+    Draft,
+    comma_problem,
+    draft_from,
+    pairs_of,
+    preset,
+    problem_with,
+)
 from underlay.report.scene_tables import scene_table
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import scene_keys

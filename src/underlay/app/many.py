@@ -13,9 +13,17 @@ import pandas as pd
 from underlay._csv import csv_text
 from underlay._door import FileKind, parse_json, read_text, sha256_of, understood
 from underlay._files import write_atomic
-from underlay.app.folder import AnalysisFolder, keep, kept
+from underlay.app.folder import (
+    BARE,
+    AnalysisFolder,
+    curves_on_sample,
+    keep,
+    kept,
+    label_columns,
+    manifest_text,
+    read_labels,
+)
 from underlay.app.form import Draft
-from underlay.app.labels import BARE, curves_on_sample, label_columns, manifest_text, read_labels
 from underlay.app.shown import Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
 from underlay.errors import InputError

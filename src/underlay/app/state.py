@@ -16,9 +16,8 @@ from typing import Any
 
 from underlay._door import FileKind, parse_toml, read_bytes, read_text, sha256_of
 from underlay._files import require_writable_folder
-from underlay.app.folder import AnalysisFolder, stem_of
+from underlay.app.folder import AnalysisFolder, stem_of, take_manifest
 from underlay.app.form import Draft, empty, in_the_form
-from underlay.app.labels import take_manifest
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
 from underlay.data.samples import sample, samples

@@ -18,8 +18,15 @@ import numpy as np
 from underlay._door import sha256_of
 from underlay._files import write_atomic
 from underlay.app import many, results
-from underlay.app.folder import AnalysisFolder, kept
-from underlay.app.labels import BARE, read_labels, set_label, take_manifest, write_labels
+from underlay.app.folder import (
+    BARE,
+    AnalysisFolder,
+    kept,
+    read_labels,
+    set_label,
+    take_manifest,
+    write_labels,
+)
 from underlay.app.shown import (
     Film,
     Found,

@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from underlay.app.labels import comma_problem, pairs_of
+from underlay.app.form import comma_problem, pairs_of
 from underlay.app.pages import parts
 from underlay.app.pages.parts import Step
 from underlay.app.shown import Reading

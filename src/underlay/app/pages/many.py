@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import events, ui
 
-from underlay.app.labels import LABELS, curves_on_sample
+from underlay.app.folder import LABELS, curves_on_sample
 from underlay.app.pages import parts
 from underlay.app.pages.parts import Step, Window, Working
 from underlay.app.shown import Gallery, Overview, Together

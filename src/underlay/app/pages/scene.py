@@ -19,12 +19,12 @@ from underlay.app.form import (
     Draft,
     Field,
     apart,
+    comma_problem,
     draft_from,
     help_of,
     preset,
     problem_with,
 )
-from underlay.app.labels import comma_problem
 from underlay.app.pages import parts
 from underlay.app.pages.parts import Step, Window
 from underlay.errors import UnderlayError

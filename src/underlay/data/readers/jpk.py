@@ -43,8 +43,6 @@ from underlay.data.readers._source import LONGEST_HEADER, MAX_BYTES, MOST_PARTS,
 from underlay.data.readers._text import SEGMENT_OF
 from underlay.errors import FileFormatError
 
-__all__ = ["JpkMapCurve", "curves_of_jpk_map", "read_jpk"]
-
 #: Entries ``lcd-info.3.channel...`` of the shared header, by ``lcd-info.3``.
 Shared: TypeAlias = Mapping[str, Mapping[str, str]]
 _GENERAL, _SHARED = "header.properties", "shared-data/header.properties"

@@ -51,9 +51,6 @@ from underlay.data.readers._source import CURVES, MAX_BYTES, MOST_PARTS, Source,
 from underlay.data.readers._text import si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 
-__all__ = ["ASYLUM", "NANOSURF", "PARK"]
-
-
 # --- Asylum
 
 

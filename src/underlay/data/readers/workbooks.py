@@ -51,8 +51,6 @@ from underlay.data.readers._text import is_number
 from underlay.errors import FileFormatError, MissingExtraError
 from underlay.units import format_quantity, kind_of
 
-__all__ = ["EXCEL", "NANOSUITE", "OLE_MAGIC", "TESTXPERT", "Sheet", "sheets_of"]
-
 #: First bytes of a compound file, the container of .xls.
 OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _WORKBOOK = "xl/workbook.xml"
