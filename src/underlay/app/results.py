@@ -1,8 +1,7 @@
-"""Results on one curve for the page: its fit, its posterior or the moduli of a film; and what is taken away.
+"""Results on one curve for the page: its fit or its posterior; and the files that repeat the analysis.
 
 All results are written as plain files. Sampling reports progress, can be stopped, and continues from its stored
-chain; a film is fitted to its contact stiffness S(h), as by `underlay film`. Downloads are the analysis as files
-that repeat it, a report, and spreadsheets.
+chain.
 """
 
 from __future__ import annotations
@@ -16,31 +15,22 @@ from mimetypes import guess_type
 from pathlib import Path
 from urllib.parse import quote
 
-import pandas as pd
-
 from underlay._door import read_bytes
 from underlay._files import write_atomic
 from underlay._version import VERSION
 from underlay.app.folder import FILE, AnalysisFolder, keep, kept
-from underlay.app.many import judged_table
-from underlay.app.shown import Film, Found, Progress, Row, Sampled, each_once
+from underlay.app.shown import Film, Found, Progress, Sampled, each_once
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.curve import Curve
-from underlay.errors import InputError, gathered_warnings
-from underlay.inference.films import fit_film
+from underlay.errors import gathered_warnings
 from underlay.inference.from_files import problem_from
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.sampling.run import sample
 from underlay.inference.uncertainty.answer import Answer
-from underlay.report.details import pointwise_of, write_film, write_fit, write_posterior
-from underlay.report.excel import excel_bytes
-from underlay.report.labels import label
+from underlay.report.details import write_fit, write_posterior
 from underlay.report.page import today
 from underlay.report.page_fit import FitPage, PosteriorPage
-from underlay.report.render import report
-from underlay.report.scene_tables import film_notes, film_table
 from underlay.report.tables import notes_of
 
 _WALKERS, _EVERY = 64, 10
@@ -128,45 +118,6 @@ def sample_posterior(
     return sampled
 
 
-def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
-    """Return the rows of `film_table` with parameters called by their names for people."""
-    rows = table.assign(parameter=[label(name) for name in table["parameter"]]).to_dict("records")
-    return tuple({str(key): str(value) for key, value in row.items()} for row in rows)
-
-
-def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, ends: tuple[str, str]) -> Film:
-    """Fit the moduli of a film to the contact stiffness of the selected curve.
-
-    Parameters
-    ----------
-    folder : AnalysisFolder
-        Holds both files.
-    tested : Snapshot
-        The test; its indenter is a cone.
-    base : str
-        File of a test on a sample of known modulus with the same tip; empty for a perfect tip.
-    modulus : str
-        E / (1 - nu^2) of that sample, with its unit.
-    ends : (str, str)
-        Shallowest and deepest depth that are fitted, with units.
-
-    Raises
-    ------
-    CurveError, InputError
-        As `underlay film`.
-    """
-    curve = folder.curve_file(tested.curve_name)
-    if base and not modulus.strip():
-        raise InputError('the known sample needs its modulus, such as "165 GPa" for (001) silicon')
-    calibration = folder.curve_file(base) if base else None
-    found = fit_film(tested.file, curve, calibration, modulus or None, ends)
-    write_film(found, folder.results, tested.stem)
-    notes = tuple(film_notes(found, perfect=not base))
-    film = Film(tested.of, notes, film_rows(film_table(found)), f"{tested.stem}.film.png")
-    keep(folder, tested.stem, film)
-    return film
-
-
 # --- what is taken away --------------------------------------------------------------------------------------
 
 
@@ -203,23 +154,6 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
         "    print(f'{name} {known.value:.6g} ({known.low:.6g} to {known.high:.6g})')\n"
         "print(f'verdict: {fit.verdict}')\n" + (f"\n{compare}" if values else "")
     )
-
-
-def fitted_test(folder: AnalysisFolder, now: Snapshot) -> tuple[Found, Snapshot]:
-    """Return the stored fit of the selected curve, and the scene and curve that were fitted.
-
-    Raises
-    ------
-    InputError
-        If the curve was not fitted, or its file has changed since.
-    """
-    found = kept(folder, now.stem, Found)
-    if found is None:
-        raise InputError("press Fit first: what is taken away is of a fit")
-    tested = Snapshot.from_text(folder, found.scene)
-    if tested.of != found.of:
-        raise InputError(f"{now.curve_name} is not the file that was fitted: press Fit again")
-    return found, tested
 
 
 def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> bytes:
@@ -284,23 +218,6 @@ def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:
             for written in (json.dumps(known)[1:-1], known):
                 content = content.replace(written.encode("utf-8", "surrogateescape"), name.encode())
     return content
-
-
-def workbook_of(result: Fit) -> bytes:
-    """Return the Excel file of a fit, with its modulus at each depth where there is one."""
-    by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
-    return excel_bytes(result, *by_depth)
-
-
-def map_workbook(folder: AnalysisFolder) -> bytes:
-    """Return the Excel file of the map, with the decisions by hand and the scene that was fitted."""
-    scene = (folder.read_result("map.scene.toml") or b"").decode()
-    return excel_bytes(judged_table(folder), settings={"scene": scene[:30_000]})
-
-
-def report_page(folder: AnalysisFolder, result: Fit, stem: str) -> bytes:
-    """Return the report of a fit as HTML, as `underlay report` makes it."""
-    return read_bytes(report(result, folder.results / f"{stem}.report.html"), FILE)
 
 
 def _zipped(members: dict[str, bytes]) -> bytes:
