@@ -27,33 +27,6 @@ from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-#: Samples to begin with: name of the file and what it is called.
-PRESETS: Mapping[str, str] = {
-    "cartilage_on_bone": "Cartilage on bone",
-    "gel_on_glass": "Gel on glass",
-    "cell_on_glass": "Cell on glass",
-    "film_on_wafer": "Film on a wafer",
-}
-#: What may lie under the layer, and what that is called.
-BASES: Mapping[str, str] = {
-    "rigid": "a rigid substrate",
-    "elastic": "an elastic substrate",
-    "none": "none: the sample is deep (half-space)",
-}
-#: Sections that most tests do without, and what they are called.
-ADVANCED: Mapping[str, str] = {
-    "curve": "Which part of the curve is fitted",
-    TOP: "Title, friction, drainage and large strain",
-    "layer.relaxation": "Viscoelastic sample",
-    "layer.stiffening": "Strain stiffening",
-    "adhesion": "Adhesion",
-    "discrepancy": "Size of friction and large strain",
-    "instrument": "The instrument",
-    "uncertainties": "Uncertainty of force, depth and cantilever",
-    "lever": "The cantilever",
-    "noise": "Noise level, where it is known",
-    "solver": "Contact model",
-}
 #: Keys that the form has no field for, and where the page has them.
 ELSEWHERE = frozenset(
     {
@@ -70,6 +43,11 @@ ELSEWHERE = frozenset(
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
 _HELP: Mapping[str, Mapping[str, str]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
+#: Samples to begin with, by the names of their files; what may lie under the layer; sections that most tests do
+#: without: what each is called.
+PRESETS, BASES, ADVANCED = (_HELP[name] for name in ("presets", "bases", "advanced"))
+#: What the page says beside its fields and results.
+NOTES = _HELP["notes"]
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _RATIO = "permeability_ratio"
 _INDEX = re.compile(r"\[(\d+)\]$")

@@ -222,7 +222,7 @@ class MapTasks:
 
         The surface of the substrate is a plane through the contacts of at least three curves on it, if all curves
         have positions (of labels or files) and these are not on a line; otherwise it is taken as level. The stated
-        error includes the contact points alone. The scene's contact model finds the contact of curves on the sample.
+        error includes the contact points alone. The contact of curves on the sample is found by the scene's model.
 
         Parameters
         ----------
@@ -272,10 +272,10 @@ class MapTasks:
         own = known.thickness[~bare]
         width = format_quantity(float(f"{2.0 * np.median(known.error[~bare]):.2g}"), "length")
         how = "tilted" if known.is_tilted else "level"
+        of_all = span(own.min(), own.max(), "length")
         return printed(
-            f"Thickness under {len(own)} curves: {span(own.min(), own.max(), 'length')}, each ± {width} by the "
-            f"contact points (95 %). The {bare.sum()} curves on the bare substrate, taken as {how}, are left out of "
-            "the map."
+            f"Thickness under {len(own)} curves: {of_all}, each ± {width} by the contact points (95 %). The "
+            f"{bare.sum()} curves on the bare substrate, taken as {how}, are left out of the map."
         )
 
 

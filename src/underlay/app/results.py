@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from mimetypes import guess_type
 from pathlib import Path
+from string import Template
 from urllib.parse import quote
 
 from underlay._door import read_bytes
@@ -39,6 +40,7 @@ _UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on fro
 # A date for every member, so that the same analysis is the same archive.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _CRATE = "ro-crate-metadata.json"
+_SCRIPT = Path(__file__).with_name("analysis.py.txt")
 
 
 def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell) -> Found:
@@ -132,28 +134,9 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
         Numbers that the page shows (`Found.values`), which the script compares with its own. Empty before a fit.
     """
     shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
-    compare = (
-        "# What the page prints (SI): the value, its 95 % interval, and the part of noise and misfit in that.\n"
-        f"shown = {{\n{shown}}}\n"
-        "for name, numbers in shown.items():\n"
-        "    known = fit.answer(name)\n"
-        "    part = known.statistical\n"
-        "    same = (known.value, known.low, known.high, part.low, part.high) == numbers\n"
-        "    print(name, 'is as on the page' if same else 'differs from the page')\n"
-    )
-    return (
-        '"""The analysis of the page, as Python: the same curve, the same scene, the same numbers."""\n\n'
-        "from math import inf\n"
-        "from pathlib import Path\n\n"
-        "import underlay as ul\n\n"
-        "here = Path(__file__).parent\n"
-        f"problem = ul.load_problem(here / 'curves' / {curve_name!r}, here / 'scene.toml')\n"
-        "fit = ul.fit(problem)\n"
-        "for name in (*fit.names, *fit.derived):\n"
-        "    known = fit.answer(name)\n"
-        "    print(f'{name} {known.value:.6g} ({known.low:.6g} to {known.high:.6g})')\n"
-        "print(f'verdict: {fit.verdict}')\n" + (f"\n{compare}" if values else "")
-    )
+    text = Template(_SCRIPT.read_text(encoding="utf-8")).substitute(curve=repr(curve_name), shown=shown)
+    # Before a fit there is nothing to compare with.
+    return text if values else text.partition("\n# What the page prints")[0]
 
 
 def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> bytes:

@@ -39,28 +39,6 @@ if TYPE_CHECKING:
 
 # Rows of a table that is read and not plotted.
 _ROWS = 10
-# Of each picture: text for screen readers, title and caption.
-_WORDS = {
-    "time": (
-        "Force against time with the fit, and the residuals below.",
-        "In time.",
-        "Loading, hold and unloading are fitted together.",
-    ),
-    "drainage": (
-        "Force that is left to fall in the hold against the root of time, measured and fitted.",
-        "Drainage.",
-    ),
-    "relaxation": ("Modulus of the layer against time after a sudden strain.", "Relaxation."),
-    "adhesion": (
-        "States of a contact that adheres, jumps into contact and off, and the measured points.",
-        "Adhesion.",
-        "Every contact that balances, and where the tip jumps.",
-    ),
-    "segments": (
-        "Depth and force against time, loading, hold and unloading apart.",
-        "The whole measurement.",
-    ),
-}
 # Columns of a film's table by depth, by their unit.
 _FILM_COLUMNS = {
     "m": ("depth", "contact radius"),
@@ -226,7 +204,7 @@ def pictures_of(fit: Fit, curve: int = 0) -> dict[str, Picture]:
         "segments": None if whole is None else partial(plots.segments, whole),
     }
     return {
-        name: Picture(f"{name} {curve}", draw, *_WORDS[name])
+        name: Picture(f"{name} {curve}", draw, *screen.WORDS["pictures"][name])
         for name, draw in draws.items()
         if draw is not None
     }

@@ -20,12 +20,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.answer import Answer
     from underlay.scene.scene import Scene
 
-_LAWS = {
-    "exact": "the exact solution of the contact problem",
-    "asymptotic": "the asymptotic solution of the contact problem",
-    "halfspace": "the formula of a half-space",
-    "stuck": "the solution of the contact problem without slip",
-}
 # What every analysis used, which nobody cites in a methods paragraph: `underlay cite` lists it.
 _COMMON = (
     "arrays",
@@ -94,7 +88,9 @@ def _model(fit: Fit) -> str:
     curves = (
         "A force-indentation curve was" if number == 1 else f"{number} force-indentation curves were jointly"
     )
-    law = _LAWS.get(fit.statistics.law_method, f"the contact model {fit.statistics.law_method}")
+    law = screen.WORDS["laws"].get(
+        fit.statistics.law_method, f"the contact model {fit.statistics.law_method}"
+    )
     cited = citation_words(cited_works(fit.used))
     return f"{curves} fitted with {law} for a {tip_words(scene)}, on {sample_words(scene)} ({cited})."
 

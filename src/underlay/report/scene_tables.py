@@ -14,7 +14,7 @@ from underlay.inference.sampling.derived import adhesive_estimates, kind_of_quan
 from underlay.mechanics.body import RIGID, Layer
 from underlay.quantities import quantity_of
 from underlay.report.labels import label
-from underlay.report.screen import interval_text
+from underlay.report.screen import WORDS, interval_text
 from underlay.report.tables import amounts, labelled_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, format_quantity, human_unit
@@ -133,11 +133,6 @@ def _added(percent: float) -> str:
 
 # Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
-_HELD = {
-    "adhesion.pull_off_force": "a given load",
-    "adhesion.pull_off_depth": "a given depth",
-    "adhesion.zero_load_radius": "no load",
-}
 
 
 def adhesion_frame(result: Fit) -> pd.DataFrame:
@@ -174,7 +169,9 @@ def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
     for known in adhesive_estimates(result, curve):
         kind = kind_of_quantity(known.name)
         value = interval_text(known.value, known.low, known.high, kind)
-        rows.append({"quantity": label(known.name), "value (95 % interval)": value, "of": _HELD[known.name]})
+        rows.append(
+            {"quantity": label(known.name), "value (95 % interval)": value, "of": WORDS["held"][known.name]}
+        )
     law = scene.contact_law(0.0, solver=result.solver)
     compliance = scene.instrument.compliance
     for words, state in (
