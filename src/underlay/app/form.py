@@ -42,12 +42,14 @@ ELSEWHERE = frozenset(
 )
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
-_HELP: Mapping[str, Mapping[str, str]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
+_HELP: Mapping[str, Mapping[str, Any]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
 #: Samples to begin with, by the names of their files; what may lie under the layer; sections that most tests do
 #: without: what each is called.
 PRESETS, BASES, ADVANCED = (_HELP[name] for name in ("presets", "bases", "advanced"))
 #: What the page says beside its fields and results.
 NOTES = _HELP["notes"]
+#: Numbers that a file may hold, samples to try, and what changes of a scene are called.
+FACTS, SAMPLES, CHANGES = (_HELP[name] for name in ("facts", "samples", "changes"))
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _RATIO = "permeability_ratio"
 _INDEX = re.compile(r"\[(\d+)\]$")
@@ -330,7 +332,7 @@ class Draft:
 
 def help_of(name: str) -> str:
     """Return the help text of a field of the page by its name, for fields that are no key of the scene file."""
-    return _HELP["page"].get(name) or _HELP["test"][name]
+    return str(_HELP["page"].get(name) or _HELP["test"][name])
 
 
 def draft_from(text: str, files: Collection[str]) -> Draft:

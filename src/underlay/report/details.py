@@ -39,12 +39,6 @@ if TYPE_CHECKING:
 
 # Rows of a table that is read and not plotted.
 _ROWS = 10
-# Columns of a film's table by depth, by their unit.
-_FILM_COLUMNS = {
-    "m": ("depth", "contact radius"),
-    "N/m": ("stiffness", "fitted stiffness", "noise"),
-    "Pa": ("half-space modulus", "layer modulus", "layer modulus noise"),
-}
 # Ends farther apart than this have each a unit of its own.
 _ONE_UNIT = 1e-3
 
@@ -460,7 +454,7 @@ def write_posterior(posterior: Posterior, folder: Path, stem: str) -> list[Path]
 
 def write_film(found: StiffnessFit, folder: Path, stem: str) -> list[Path]:
     """Write both tables (CSV) and the picture (PNG) of a film; return the paths of the three files."""
-    units = {name: f"{name} ({unit})" for unit, names in _FILM_COLUMNS.items() for name in names}
+    units = {name: f"{name} ({unit})" for unit, names in screen.WORDS["film"].items() for name in names}
     files: dict[str, pd.DataFrame | Callable[..., Axes]] = {
         "csv": scene_tables.film_moduli(found),
         "depths.csv": found.table.rename(columns=units),
