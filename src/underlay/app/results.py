@@ -16,7 +16,7 @@ from pathlib import Path
 from string import Template
 from urllib.parse import quote
 
-from underlay._door import read_bytes
+from underlay._door import read_bytes, read_text
 from underlay._files import write_atomic
 from underlay._version import VERSION
 from underlay.app.folder import FILE, AnalysisFolder, keep, kept
@@ -134,7 +134,7 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
         Numbers that the page shows (`Found.values`), which the script compares with its own. Empty before a fit.
     """
     shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
-    text = Template(_SCRIPT.read_text(encoding="utf-8")).substitute(curve=repr(curve_name), shown=shown)
+    text = Template(read_text(_SCRIPT, FILE)).substitute(curve=repr(curve_name), shown=shown)
     # Before a fit there is nothing to compare with.
     return text if values else text.partition("\n# What the page prints")[0]
 
