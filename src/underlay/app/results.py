@@ -16,7 +16,7 @@ from pathlib import Path
 from string import Template
 from urllib.parse import quote
 
-from underlay._door import read_bytes, read_text
+from underlay._door import parse_json, read_bytes, read_text
 from underlay._files import write_atomic
 from underlay._version import VERSION
 from underlay.app.folder import FILE, AnalysisFolder, keep, kept
@@ -40,7 +40,8 @@ _UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on fro
 # A date for every member, so that the same analysis is the same archive.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _CRATE = "ro-crate-metadata.json"
-_SCRIPT = Path(__file__).with_name("analysis.py.txt")
+# What every archive says of itself, and the script in it.
+_CRATE_OF_ALL, _SCRIPT = map(Path(__file__).with_name, ("ro-crate.json", "analysis.py.txt"))
 
 
 def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell) -> Found:
@@ -165,7 +166,8 @@ def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> 
 
 def crate(tested: Snapshot, members: Collection[str]) -> bytes:
     """Return the JSON that describes the files of an archive (RO-Crate 1.1, https://w3id.org/ro/crate/1.1)."""
-    software = {"@id": "#underlay", "@type": "SoftwareApplication", "name": "underlay", "version": VERSION}
+    crate = parse_json(read_text(_CRATE_OF_ALL, FILE))
+    about, root, software, fit = crate["@graph"]
     parts = [
         {
             "@id": quote(name),
@@ -177,21 +179,13 @@ def crate(tested: Snapshot, members: Collection[str]) -> bytes:
     ]
     results = [{"@id": part["@id"]} for part in parts if part["name"].startswith("results/")]
     inputs = [{"@id": part["@id"]} for part in parts if not part["name"].startswith("results/")]
-    fit = {"@id": "#fit", "@type": "CreateAction", "instrument": {"@id": software["@id"]}}
-    about = {"@id": _CRATE, "@type": "CreativeWork", "about": {"@id": "./"}}
-    about["conformsTo"] = {"@id": "https://w3id.org/ro/crate/1.1"}
-    root = {
-        "@id": "./",
-        "@type": "Dataset",
+    root |= {
         "name": f"Indentation test {tested.curve_name}",
-        "description": "Young's modulus of a layer from an indentation curve: curve, test, script and results.",
         "hasPart": [{"@id": part["@id"]} for part in parts],
-        "mentions": {"@id": "#fit"},
     }
-    graph = [about, root, *parts, software, fit | {"object": inputs, "result": results}]
-    return json.dumps(
-        {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}, indent=1
-    ).encode()
+    software["version"] = VERSION
+    crate["@graph"] = [about, root, *parts, software, fit | {"object": inputs, "result": results}]
+    return json.dumps(crate, indent=1).encode()
 
 
 def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:

@@ -74,6 +74,11 @@ class Picture(NamedTuple):
 Content: TypeAlias = str | pd.DataFrame | Picture
 
 
+def picture(kind: str, draw: Callable[..., Axes], name: str = "", **told: str) -> Picture:
+    """Return a picture whose texts are those of its kind in ``words.toml``, with what is `told` filled in."""
+    return Picture(name or kind, draw, *(text.format(**told) for text in screen.WORDS["pictures"][kind]))
+
+
 class Part(NamedTuple):
     """One part of what stands behind a result: its title, what it holds in a few words, and its content."""
 
@@ -197,11 +202,7 @@ def pictures_of(fit: Fit, curve: int = 0) -> dict[str, Picture]:
         "adhesion": partial(plots.adhesion, fit, curve=curve) if scene.adhesion is not None else None,
         "segments": None if whole is None else partial(plots.segments, whole),
     }
-    return {
-        name: Picture(f"{name} {curve}", draw, *screen.WORDS["pictures"][name])
-        for name, draw in draws.items()
-        if draw is not None
-    }
+    return {name: picture(name, draw, f"{name} {curve}") for name, draw in draws.items() if draw is not None}
 
 
 def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
@@ -292,10 +293,7 @@ def posterior_parts(posterior: Posterior, facts: Mapping[str, str], *files: str)
 
 def predicted(posterior: Posterior, curve: int) -> Picture:
     """Return the picture of one curve with the bands of the model and of new readings."""
-    caption = "Where the model and a new reading lie with 95 % probability. Below: less the median."
-    alt = "Measured force against depth with bands of the model and of new readings."
-    draw = partial(plots.predictive, posterior, curve=curve)
-    return Picture(f"predicted {curve}", draw, alt, "Data and prediction.", caption)
+    return picture("predicted", partial(plots.predictive, posterior, curve=curve), f"predicted {curve}")
 
 
 def median_scenes(posterior: Posterior) -> tuple[Scene, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.report import details, page, plots, screen
-from underlay.report.details import Part, Picture, median_scenes, posterior_parts, predicted
+from underlay.report.details import Part, median_scenes, posterior_parts, predicted
 from underlay.report.labels import is_of_the_sample, labelled, listed, start
 from underlay.report.limits import DistinctScene, distinct_scenes
 from underlay.report.methods import cited_works, methods_paragraph, sample_words, tip_words
@@ -110,11 +110,8 @@ class FitPage(page.Page):
     def _curve(self, number: int) -> str:
         fit = self.result
         draw = partial(plots.fit, fit, curve=number, half_space=self.half_space)
-        caption = "Indentation is counted from the fitted contact point. Below: residuals."
-        if self.half_space is not None:
-            caption = f"{caption} {screen.half_space_words(fit, self.half_space)}."
-        alt = "Force against indentation with the fit, and the residuals below."
-        return page.figure(details.Picture(f"fit {number}", draw, alt, "Curve and fit.", caption), page.CURVE)
+        beside = "" if self.half_space is None else f" {screen.half_space_words(fit, self.half_space)}."
+        return page.figure(details.picture("fit", draw, f"fit {number}", more=beside), page.CURVE)
 
     def _depths(self) -> str:
         pictures, found = details.pictures_of(self.result), self.by_depth[0]
@@ -127,10 +124,8 @@ class FitPage(page.Page):
         shown = None if self.result.verdict == "reject" else known
         # Intervals of a rejected model are no judge of whether it is constant.
         trend = "" if shown is None else screen.by_depth_words(found)
-        caption = f"Modulus read from the force at each depth{': ' if trend else ''}{trend}."
-        alt = "Modulus against depth, and the half-space's."
         draw = partial(plots.pointwise_modulus, found, answer=shown)
-        return page.figure(details.Picture("depth", draw, alt, "E by depth.", caption), _HALF)
+        return page.figure(details.picture("depth", draw, trend=f": {trend}" if trend else ""), _HALF)
 
     def _budget(self) -> str:
         if self.result.verdict == "reject":
@@ -139,13 +134,8 @@ class FitPage(page.Page):
         if known is None:
             return page.tag("p", "No uncertainty budget: no number is determined.", kind="none")
         name, letter = screen.name_of(known.name)
-        caption = (
-            "What each source alone does, at 95 %, the larger side. Hatched: usual sizes; enter your own."
-        )
-        alt, title = f"Bars: what each source does to the {name.lower()}.", f"Uncertainty budget of {letter}."
-        return page.figure(
-            details.Picture("budget", partial(plots.budget, known), alt, title, caption), _HALF
-        )
+        draw = partial(plots.budget, known)
+        return page.figure(details.picture("budget", draw, name=name.lower(), letter=letter), _HALF)
 
     def _methods(self) -> str:
         if self.result.verdict == "reject":
@@ -168,7 +158,6 @@ class FitPage(page.Page):
 # --- a posterior
 
 
-_BLUE = "Blue: the draws, with the regions that hold 68 and 95 %. Orange: what was known before the test."
 _MISSING = (
     "The test is not shown: this posterior does not hold its scene ({missing}). With the curve and the scene file "
     "that were sampled it can be: underlay report POSTERIOR.npz CURVE --scene SCENE.toml."
@@ -202,17 +191,12 @@ class PosteriorPage(page.Page):
         answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
         curves = () if post.problem is None else post.problem.curves
         first = page.figure(predicted(post, 0), page.CURVE) if post.predictive else ""
-        alt = "Corner plot: the distribution of every parameter and of every pair."
         # Thousands of draws: as pixels.
+        corner = page.figure(details.picture("corner", partial(plots.corner, post)), as_pixels=True)
         return self.with_foot(
             page.headline(answers, post.verdict, curves),
             page.tag("section", first, self._drawing(), kind="figs"),
-            page.figure(
-                Picture(
-                    "corner", partial(plots.corner, post), alt, "Parameter by parameter, pair by pair.", _BLUE
-                ),
-                as_pixels=True,
-            ),
+            corner,
             opened=opened,
         )
 
