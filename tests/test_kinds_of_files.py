@@ -554,10 +554,8 @@ def test_units_stand_in_a_row_below_the_names_and_remarks_below_them(kind, rows_
 def test_other_units_further_down_are_refused(sheet, put):
     blocks = [["depth", "force"], [], *zip(DEPTH.tolist(), FORCE.tolist(), strict=True)]
     cells = [row or ["um", "nN"] for row in blocks] + [row or ["nm", "nN"] for row in blocks]
-    if sheet:
-        path = put(sheet_of(cells), "two.xlsx")
-    else:
-        path = put("\n".join(",".join(map(str, row)) for row in cells))
+    text = "\n".join(",".join(map(str, row)) for row in cells)
+    path = put(sheet_of(cells), "two.xlsx") if sheet else put(text)
     with pytest.raises(ul.FileFormatError, match=r"other units further down \('nm', 'nN'\)"):
         ul.read_all(path)
 
