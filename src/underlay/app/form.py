@@ -27,29 +27,18 @@ from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-#: Keys that the form has no field for, and where the page has them.
-ELSEWHERE = frozenset(
-    {
-        ("substrate", "rigid"),  # the choice of what lies under the layer
-        # Step 1, where the file is read.
-        *(("curve", key) for key in ("file", "test", "format", "flip", "columns", "calibration")),
-        # Step 3, the handles of the curve.
-        *(("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth")),
-        (TOP, "uncertainties"),  # the test as text
-        (TOP, "assumed"),  # the mark beside a number that nobody entered
-        ("uncertainties", "PATH"),  # beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm
-    }
-)
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
 _HELP: Mapping[str, Mapping[str, Any]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
 #: Samples to begin with, by the names of their files; what may lie under the layer; sections that most tests do
 #: without: what each is called.
 PRESETS, BASES, ADVANCED = (_HELP[name] for name in ("presets", "bases", "advanced"))
+#: Section and name of the keys that the form has no field for, as the page has them elsewhere.
+ELSEWHERE = frozenset((section, key) for section, keys in _HELP["elsewhere"].items() for key in keys)
 #: What the page says beside its fields and results.
 NOTES = _HELP["notes"]
-#: Numbers that a file may hold, samples to try, and what changes of a scene are called.
-FACTS, SAMPLES, CHANGES = (_HELP[name] for name in ("facts", "samples", "changes"))
+#: Numbers that a file may hold, samples to try, what changes of a scene are called, and what can be taken of a fit.
+FACTS, SAMPLES, CHANGES, DOWNLOADS = (_HELP[name] for name in ("facts", "samples", "changes", "downloads"))
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _RATIO = "permeability_ratio"
 _INDEX = re.compile(r"\[(\d+)\]$")

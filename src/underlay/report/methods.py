@@ -20,16 +20,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.answer import Answer
     from underlay.scene.scene import Scene
 
-# What every analysis used, which nobody cites in a methods paragraph: `underlay cite` lists it.
-_COMMON = (
-    "arrays",
-    "numerics",
-    "least squares",
-    "size of the noise",
-    "intervals",
-    "correlated noise",
-    "a robust",
-)
 # Sources that are named, largest first, and the share of the variance below which none is.
 _NAMED, _SMALL = 4, 0.01
 
@@ -59,7 +49,9 @@ def cited_works(used: Mapping[str, str]) -> list[Work]:
         Keys of works, and what each was used for. What every analysis uses (arrays, numerics, ...) is left out:
         `underlay cite` lists it.
     """
-    return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
+    return [
+        work(key) for key, why in used.items() if not why.startswith(tuple(screen.WORDS["methods"]["common"]))
+    ]
 
 
 def methods_paragraph(

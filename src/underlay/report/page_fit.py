@@ -158,12 +158,6 @@ class FitPage(page.Page):
 # --- a posterior
 
 
-_MISSING = (
-    "The test is not shown: this posterior does not hold its scene ({missing}). With the curve and the scene file "
-    "that were sampled it can be: underlay report POSTERIOR.npz CURVE --scene SCENE.toml."
-)
-
-
 @dataclass
 class PosteriorPage(page.Page):
     """The report page of a posterior; parameters as `Page`."""
@@ -203,7 +197,8 @@ class PosteriorPage(page.Page):
     def _drawing(self) -> str:
         problem = self.result.problem
         if problem is None:
-            return page.tag("p", page.words(_MISSING.format(missing=self.result.missing)), kind="none")
+            why = screen.WORDS["posterior"]["missing"].format(missing=self.result.missing)
+            return page.tag("p", page.words(why), kind="none")
         tests = distinct_scenes(median_scenes(self.result), problem.curves)
         return page.tag("div", *(page.drawing(test, problem.solver, "at the median") for test in tests))
 

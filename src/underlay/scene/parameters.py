@@ -19,7 +19,7 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
 from underlay.mechanics.stiffening.law import Gent
-from underlay.quantities import Part, declared, kind_of
+from underlay.quantities import declared, kind_of
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
 
@@ -62,17 +62,7 @@ def _plain(name: str) -> str:
 
 #: Classes that declare the numbers of a test. The declaration of a path is known once its class is loaded, which
 #: importing this module ensures.
-DECLARING: tuple[type[Part], ...] = (
-    Indenter,
-    Profile,
-    Isotropic,
-    TransverselyIsotropic,
-    Stack,
-    Adhesion,
-    Gent,
-    Instrument,
-    Noise,
-)
+DECLARING = (Indenter, Profile, Isotropic, TransverselyIsotropic, Stack, Adhesion, Gent, Instrument, Noise)
 
 
 def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:

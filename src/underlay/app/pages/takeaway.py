@@ -7,17 +7,11 @@ from functools import partial
 from nicegui import ui
 
 from underlay.app.folder import is_kept
-from underlay.app.form import NOTES
+from underlay.app.form import DOWNLOADS, NOTES
 from underlay.app.pages import parts
 from underlay.app.pages.parts import Step, Working
 from underlay.app.shown import Found, Sampled, Taken
 
-# What can be taken: words, task, ending of the file's name.
-_OF_FIT = (
-    ("Report: one page (HTML)", "report", "report.html"),
-    ("Spreadsheet (Excel)", "excel", "xlsx"),
-    ("This analysis, to run again (ZIP, RO-Crate)", "archive", "analysis.zip"),
-)
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
 
@@ -34,7 +28,8 @@ class TakeAwayStep(Step):
                 ui.label("This fit").classes("heading")
                 self._none = ui.label("Not fitted yet: fit this curve in step 3.").classes("quiet")
                 self._of_fit = [
-                    self._offer(words, task, ending).mark(f"take-{task}") for words, task, ending in _OF_FIT
+                    self._offer(words, task, ending).mark(f"take-{task}")
+                    for task, (words, ending) in DOWNLOADS.items()
                 ]
                 self._pictures = ui.column().classes("wide")
                 ui.label("All curves").classes("heading")
