@@ -135,7 +135,7 @@ class FitPage(page.Page):
             return page.tag("p", "No uncertainty budget: no number is determined.", kind="none")
         name, letter = screen.name_of(known.name)
         draw = partial(plots.budget, known)
-        return page.figure(details.picture("budget", draw, name=name.lower(), letter=letter), _HALF)
+        return page.figure(details.picture("budget", draw, what=name.lower(), letter=letter), _HALF)
 
     def _methods(self) -> str:
         if self.result.verdict == "reject":
