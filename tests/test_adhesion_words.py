@@ -11,8 +11,8 @@ import underlay as ul
 from underlay.inference.sampling.derived import adhesive_estimates
 from underlay.mechanics.adhesion.jkr import range_limit
 from underlay.report import maps, scene_tables
-from underlay.report.adhesion_tables import adhesion_frame, adhesion_table, halfspace_of, halfspace_sentence
 from underlay.report.limits import quality_doubts
+from underlay.report.scene_tables import adhesion_frame, adhesion_table, halfspace_of, halfspace_sentence
 
 SCENE = ul.Scene(
     ul.Paraboloid(1e-5),

@@ -34,11 +34,11 @@ from support.page import (
     write,
 )
 from support.reports import text_in
-from underlay.app.results import film_rows
 from underlay.cli import main
 from underlay.inference.batch.decisions import read_map
 from underlay.inference.films import fit_film
-from underlay.report.film_tables import film_table
+from underlay.report.labels import label
+from underlay.report.scene_tables import film_table
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
@@ -383,7 +383,8 @@ def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
     shown = json.loads((folder.results / "oxide.xls.film.shown.json").read_text())
     curves = folder.curves / "oxide.xls", folder.curves / "silicon.xls"
     found = fit_film(read_scene_file(folder.scene), *curves, "165 GPa", ("0 nm", "1 m"))
-    assert shown["table"] == list(film_rows(film_table(found)))
+    table = film_table(found)
+    assert shown["table"] == table.assign(parameter=table["parameter"].map(label)).to_dict("records")
     assert shown["table"][0]["parameter"] == "layer modulus"
 
 

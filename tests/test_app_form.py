@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 import underlay as ul
+from underlay.app import form
 from underlay.app.form import ADVANCED, ELSEWHERE, PRESETS, Draft, draft_from, preset, problem_with
-from underlay.app.labels import comma_problem, pairs_of
 from underlay.report.scene_tables import scene_table
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import scene_keys
@@ -169,15 +169,15 @@ def test_a_decimal_comma_is_no_list_of_two(path, text):
 
 def test_a_list_has_spaces_behind_its_commas():
     assert problem_with("0.4, 0.3", key_of("layer.relaxation", "fractions")) == ""
-    assert "space behind each comma" in comma_problem("0.4, 0,3")
-    assert "0.4, 0.3" in comma_problem("0.4, 0.3", may_list=False)
+    assert "space behind each comma" in form.comma_problem("0.4, 0,3")
+    assert "0.4, 0.3" in form.comma_problem("0.4, 0.3", may_list=False)
 
 
 def test_names_and_values_are_taken_whole_or_not_at_all():
-    assert pairs_of("depth = h (nm), force = -Fz (mN)") == {"depth": "h (nm)", "force": "-Fz (mN)"}
-    assert pairs_of(" ") == {}
+    assert form.pairs_of("depth = h (nm), force = -Fz (mN)") == {"depth": "h (nm)", "force": "-Fz (mN)"}
+    assert form.pairs_of(" ") == {}
     with pytest.raises(ul.InputError, match="with a point"):
-        pairs_of("spring_constant = 0,04 N/m, sensitivity = 60 nm/V")
+        form.pairs_of("spring_constant = 0,04 N/m, sensitivity = 60 nm/V")
     for wrong in ("depth h (nm)", "depth = h, deep (nm)", "= 3", "depth ="):
         with pytest.raises(ul.InputError, match="name = value"):
-            pairs_of(wrong)
+            form.pairs_of(wrong)

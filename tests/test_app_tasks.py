@@ -15,9 +15,8 @@ from support.analyses import looked_at, silent
 from support.call_counter import count_calls
 from support.reports import text_in
 from underlay.app import tasks
-from underlay.app.folder import AnalysisFolder, keep, kept
+from underlay.app.folder import AnalysisFolder, keep, kept, read_labels
 from underlay.app.form import Draft, preset
-from underlay.app.labels import read_labels
 from underlay.app.shown import Sampled
 from underlay.app.tasks import Analyst
 from underlay.inference.compare import laws_at_contact

@@ -12,7 +12,7 @@ from underlay.data.export import curve_csv
 from underlay.data.withdrawal import imprint_of
 from underlay.inference.films import DIAMOND
 from underlay.inference.from_files import require_elastic
-from underlay.report.film_tables import film_moduli, film_table
+from underlay.report.scene_tables import film_moduli, film_table
 
 
 @pytest.mark.parametrize("free", [("layer.E",), ("layer.E", "substrate.E")])

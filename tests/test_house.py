@@ -240,6 +240,9 @@ DOORS = {
     "mechanics/biphasic/tables": {"np.load"},  # of the package itself
     "cli/start": {"read_text"},  # of the package itself
     "report/page": {"read_text"},  # of the package itself
+    "report/screen": {"read_text"},  # of the package itself
+    "scene/parameters": {"read_text"},  # of the package itself
+    "scene/scene_keys": {"read_text"},  # of the package itself
     "report/notebook": {"read_text", "open"},  # of the package itself; writes a log
 }
 

@@ -15,6 +15,7 @@ import pytest
 from scipy.io import savemat
 
 import underlay as ul
+from support.instrument_files import saved
 from underlay.data.segments import segments_from_motion
 
 # A ball on a half-space: travel, contact and force of one way in.
@@ -36,6 +37,14 @@ def put(tmp_path):
 
 def rows(*columns, separator="\t", form="{:.6f}"):
     return "\n".join(separator.join(form.format(v) for v in row) for row in zip(*columns, strict=True)) + "\n"
+
+
+def sheet_of(rows):
+    """The bytes of a workbook with one sheet of these rows."""
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    return saved(book)
 
 
 def is_whole(curve, depth=DEPTH * 1e-6, force=FORCE * 1e-9):
@@ -488,12 +497,7 @@ def test_anton_paar_tests_side_by_side(kind, put):
         for i, row in enumerate(zip(TIME, FORCE, TIME, DEPTH, strict=True))
     ]
     if kind == "xlsx":
-        book = openpyxl.Workbook()
-        for row in (heads, *cells):
-            book.active.append(row)
-        content = io.BytesIO()
-        book.save(content)
-        path = put(content.getvalue(), "wide.xlsx")
+        path = put(sheet_of((heads, *cells)), "wide.xlsx")
     else:
         lines = ["\t".join("" if cell is None else f"{cell:.7g}" for cell in row) + "\t" for row in cells]
         path = put("\t".join(heads) + "\t\r\n" + "\r\n".join(lines), "wide.TXT")
@@ -539,12 +543,7 @@ def test_two_cells_or_two_axes_are_not_two_tests(head, put):
 def test_units_stand_in_a_row_below_the_names_and_remarks_below_them(kind, rows_below, put):
     heads = [row.split() for row in ("depth force", *rows_below)]
     if kind == "sheet":
-        book = openpyxl.Workbook()
-        for row in (*heads, *zip(DEPTH.tolist(), FORCE.tolist(), strict=True)):
-            book.active.append(row)
-        content = io.BytesIO()
-        book.save(content)
-        path = put(content.getvalue(), "o.xlsx")
+        path = put(sheet_of((*heads, *zip(DEPTH.tolist(), FORCE.tolist(), strict=True))), "o.xlsx")
     else:
         between = "\t" if kind == "text" else "   "
         path = put("\n".join(map(between.join, heads)) + "\n" + rows(DEPTH, FORCE, separator=between))
@@ -555,15 +554,8 @@ def test_units_stand_in_a_row_below_the_names_and_remarks_below_them(kind, rows_
 def test_other_units_further_down_are_refused(sheet, put):
     blocks = [["depth", "force"], [], *zip(DEPTH.tolist(), FORCE.tolist(), strict=True)]
     cells = [row or ["um", "nN"] for row in blocks] + [row or ["nm", "nN"] for row in blocks]
-    if sheet:
-        book = openpyxl.Workbook()
-        for row in cells:
-            book.active.append(row)
-        content = io.BytesIO()
-        book.save(content)
-        path = put(content.getvalue(), "two.xlsx")
-    else:
-        path = put("\n".join(",".join(map(str, row)) for row in cells))
+    text = "\n".join(",".join(map(str, row)) for row in cells)
+    path = put(sheet_of(cells), "two.xlsx") if sheet else put(text)
     with pytest.raises(ul.FileFormatError, match=r"other units further down \('nm', 'nN'\)"):
         ul.read_all(path)
 
@@ -826,9 +818,7 @@ def test_a_bad_sheet_never_refuses_the_others(put):
     sheet.append(["depth (um)", "force (nN)"])
     for row in zip(map(float, DEPTH), map(float, FORCE), strict=True):
         sheet.append(row)
-    content = io.BytesIO()
-    book.save(content)
-    (curve,) = ul.read_all(put(content.getvalue(), "book.xlsx"))
+    (curve,) = ul.read_all(put(saved(book), "book.xlsx"))
     is_whole(curve)
 
 

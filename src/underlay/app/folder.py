@@ -20,9 +20,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pandas as pd
+
+from underlay._csv import csv_text, numbered_rows
 from underlay._door import FileKind, parse_json, read_bytes, read_text, understood
 from underlay._files import require_own_folder, write_atomic
-from underlay._text import one_line
+from underlay._text import one_line, unguarded_cell
 from underlay.errors import InputError, UnderlayError
 
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
@@ -249,3 +252,108 @@ def is_kept(folder: AnalysisFolder, stem: str, kind: type[object]) -> bool:
 
 def _name(stem: str, kind: type[object]) -> str:
     return f"{stem}.{kind.__name__.lower()}{_SHOWN}"
+
+
+# --- labels of the curves, such as animal and group, in a manifest as of `underlay map --manifest`
+
+
+#: Columns that can be filled in on the page; a manifest that is brought may have others.
+LABELS = ("animal", "group", "region")
+#: Column of the curves that are on the bare substrate, beside the sample: they give its height and no modulus.
+BARE = "bare substrate"
+_MANIFEST = FileKind(
+    "a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve"
+)
+_MOST_COLUMNS, _LONGEST_LABEL = 200, 80
+
+
+def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:
+    """Return the cells of the manifest by file and column; every curve has a row, even without a manifest."""
+    rows: dict[str, dict[str, str]] = {path.name: {} for path in folder.curve_files()}
+    path = folder.path / "manifest.csv"
+    if not path.exists():
+        return rows
+    with understood(path, _MANIFEST):
+        lines = numbered_rows(read_text(path, _MANIFEST), _MOST_COLUMNS, comment="#")
+        _, names = next(lines)
+        for _, cells in lines:
+            row = {name: unguarded_cell(cell) for name, cell in zip(names, cells, strict=True)}
+            file = row.pop("file", "")
+            if file in rows:
+                rows[file] = row
+    return rows
+
+
+def curves_on_sample(folder: AnalysisFolder) -> list[Path]:
+    """Return the files of all curves except those marked as being on the bare substrate."""
+    rows = read_labels(folder)
+    return [path for path in folder.curve_files() if not rows[path.name].get(BARE)]
+
+
+def label_columns(folder: AnalysisFolder) -> list[str]:
+    """Return the columns of the manifest in which some curve has a label."""
+    rows = read_labels(folder).values()
+    return [
+        name
+        for name in dict.fromkeys(name for row in rows for name in row)
+        if any(row.get(name) for row in rows)
+    ]
+
+
+def set_label(folder: AnalysisFolder, files: list[str], column: str, label: str) -> None:
+    """Set a label of curves in one column.
+
+    Where any curve has a label in it, curves without one get their file name as label.
+
+    Raises
+    ------
+    InputError
+        If the column is not one of `LABELS`.
+    """
+    if column not in LABELS:
+        raise InputError(f"labels are {', '.join(LABELS)}; got {column!r}")
+    rows = read_labels(folder)
+    for file in files:
+        if file in rows:
+            rows[file][column] = one_line(label.strip(), _LONGEST_LABEL)
+    write_labels(folder, rows)
+
+
+def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
+    """Store an uploaded manifest (CSV); `fit_many` checks it against the curves.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no table with the column ``file``.
+    """
+    with understood("the manifest", _MANIFEST):
+        text = content.decode("utf-8-sig")
+        _, names = next(numbered_rows(text, _MOST_COLUMNS, comment="#"))
+        if "file" not in names:
+            raise ValueError(f"it has no column 'file', but {', '.join(names)[:200]}")
+    write_atomic(folder.path / "manifest.csv", content)
+
+
+def write_labels(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
+    """Write the cells of every curve, by file and column, as a manifest; delete it where all cells are empty."""
+    path = folder.path / "manifest.csv"
+    if text := manifest_text(rows):
+        write_atomic(path, text)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def manifest_text(rows: Mapping[str, Mapping[str, str]], *, leave: str = "") -> str:
+    """Return a manifest with the cells of curves, by file and column but one to `leave`; empty where all are empty.
+
+    A curve without a label is its own animal, sample or the like; a place or a thickness that is not known stays
+    empty.
+    """
+    columns = dict.fromkeys(name for row in rows.values() for name in row if name != leave)
+    used = [name for name in columns if any(row.get(name) for row in rows.values())]
+    table = [
+        {"file": file, **{name: row.get(name) or (file if name in LABELS else "") for name in used}}
+        for file, row in rows.items()
+    ]
+    return csv_text(pd.DataFrame(table)) if used else ""

@@ -4,6 +4,8 @@ There is no second list of its keys: this module only names the parts of the for
 that are elsewhere on the page (`ELSEWHERE`). A `Draft` is a scene file that is being edited: its sections and keys,
 with values as text. It knows no physics: `scene_keys` declares what a key may hold, and `read_scene_file` whether
 the whole is a valid scene.
+
+A comma may separate numbers or be part of one: `comma_problem` finds ambiguous ones, and `pairs_of` refuses them.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ from typing import Any
 
 from underlay._door import FileKind, parse_toml, read_text, understood
 from underlay._text import one_line
-from underlay.app.labels import comma_problem
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
 from underlay.scene.fit_range import Mark
@@ -26,53 +27,24 @@ from underlay.scene.scene_writer import document_text
 from underlay.scene.uncertainties import parted
 from underlay.units import KINDS, parse_quantity
 
-#: Samples to begin with: name of the file and what it is called.
-PRESETS: Mapping[str, str] = {
-    "cartilage_on_bone": "Cartilage on bone",
-    "gel_on_glass": "Gel on glass",
-    "cell_on_glass": "Cell on glass",
-    "film_on_wafer": "Film on a wafer",
-}
-#: What may lie under the layer, and what that is called.
-BASES: Mapping[str, str] = {
-    "rigid": "a rigid substrate",
-    "elastic": "an elastic substrate",
-    "none": "none: the sample is deep (half-space)",
-}
-#: Sections that most tests do without, and what they are called.
-ADVANCED: Mapping[str, str] = {
-    "curve": "Which part of the curve is fitted",
-    TOP: "Title, friction, drainage and large strain",
-    "layer.relaxation": "Viscoelastic sample",
-    "layer.stiffening": "Strain stiffening",
-    "adhesion": "Adhesion",
-    "discrepancy": "Size of friction and large strain",
-    "instrument": "The instrument",
-    "uncertainties": "Uncertainty of force, depth and cantilever",
-    "lever": "The cantilever",
-    "noise": "Noise level, where it is known",
-    "solver": "Contact model",
-}
-#: Keys that the form has no field for, and where the page has them.
-ELSEWHERE = frozenset(
-    {
-        ("substrate", "rigid"),  # the choice of what lies under the layer
-        # Step 1, where the file is read.
-        *(("curve", key) for key in ("file", "test", "format", "flip", "columns", "calibration")),
-        # Step 3, the handles of the curve.
-        *(("curve", "min_depth"), ("curve", "max_depth"), ("instrument", "contact_depth")),
-        (TOP, "uncertainties"),  # the test as text
-        (TOP, "assumed"),  # the mark beside a number that nobody entered
-        ("uncertainties", "PATH"),  # beside the number itself: 0.02 mm of 1 mm is 1 mm ± 0.02 mm
-    }
-)
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
-_HELP: Mapping[str, Mapping[str, str]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
+_HELP: Mapping[str, Mapping[str, Any]] = parse_toml(read_text(_FOLDER.with_name("help.toml"), _KIND))
+#: Samples to begin with, by the names of their files; what may lie under the layer; sections that most tests do
+#: without: what each is called.
+PRESETS, BASES, ADVANCED = (_HELP[name] for name in ("presets", "bases", "advanced"))
+#: Section and name of the keys that the form has no field for, as the page has them elsewhere.
+ELSEWHERE = frozenset((section, key) for section, keys in _HELP["elsewhere"].items() for key in keys)
+#: What the page says beside its fields and results.
+NOTES = _HELP["notes"]
+#: Numbers that a file may hold, samples to try, what changes of a scene are called, and what can be taken of a fit.
+FACTS, SAMPLES, CHANGES, DOWNLOADS = (_HELP[name] for name in ("facts", "samples", "changes", "downloads"))
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _RATIO = "permeability_ratio"
 _INDEX = re.compile(r"\[(\d+)\]$")
 _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
+# A comma with a digit on each side: of 0.45, of 45 thousand, or between 0 and 45.
+_COMMA = re.compile(r"\d*,\d+(?:,\d+)*")
 _LIST, _WHOLE = "a list of ", "a whole number"
 _ENDS = ("fit_from", "fit_to")
 _MISSING = re.compile(r"^scene\.toml: \[([\w.]+)\] needs '(\w+)'$")
@@ -349,7 +321,7 @@ class Draft:
 
 def help_of(name: str) -> str:
     """Return the help text of a field of the page by its name, for fields that are no key of the scene file."""
-    return _HELP["page"].get(name) or _HELP["test"][name]
+    return str(_HELP["page"].get(name) or _HELP["test"][name])
 
 
 def draft_from(text: str, files: Collection[str]) -> Draft:
@@ -437,6 +409,50 @@ def problem_with(text: str, key: SceneKey) -> str:
         known = set(_parts(text)) <= set(allowed)
         return "" if known else f"any of {', '.join(allowed)}, with commas between"
     return f"one of {', '.join(key.words)}" if key.words and text not in key.words and "{" not in text else ""
+
+
+def comma_problem(text: str, *, may_list: bool = True) -> str:
+    """Return what is wrong with the commas in a number, or a list of numbers; empty if nothing is.
+
+    Without `may_list`, any comma is wrong.
+
+    Examples
+    --------
+    >>> comma_problem("0,45 MPa")
+    "write numbers with a point, such as 0.45, and thousands without a comma; got '0,45'"
+    >>> comma_problem("0.4, 0.3"), comma_problem("0.4,")
+    ('', '')
+    """
+    found = _COMMA.search(text)
+    if found is None and (may_list or "," not in text):
+        return ""
+    got = text.strip() if found is None else found[0]
+    words = f"write numbers with a point, such as 0.45, and thousands without a comma; got {got[:40]!r}"
+    listed = found is not None and may_list and "," in text.replace(found[0], "", 1)
+    return f"{words}; where several numbers stand, put a space behind each comma" if listed else words
+
+
+def pairs_of(text: str) -> dict[str, str]:
+    """Parse name and value pairs from a text such as ``"depth = h (nm), force = F (mN)"``.
+
+    Raises
+    ------
+    InputError
+        If a part has no ``=``, or a number contains a comma.
+    """
+    wrong = comma_problem(text)
+    if wrong:
+        raise InputError(wrong)
+    pairs = {}
+    for part in filter(None, map(str.strip, text.split(","))):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (name and equals and value):
+            raise InputError(
+                f"write name = value, with commas between; got {part[:60]!r} (what holds a comma itself can be "
+                "written in the test as text, step 2)"
+            )
+        pairs[name] = value
+    return pairs
 
 
 def in_the_form(message: str) -> str:

@@ -1,8 +1,7 @@
-"""Results on one curve for the page: its fit, its posterior or the moduli of a film; and what is taken away.
+"""Results on one curve for the page: its fit or its posterior; and the files that repeat the analysis.
 
 All results are written as plain files. Sampling reports progress, can be stopped, and continues from its stored
-chain; a film is fitted to its contact stiffness S(h), as by `underlay film`. Downloads are the analysis as files
-that repeat it, a report, and spreadsheets.
+chain.
 """
 
 from __future__ import annotations
@@ -14,33 +13,25 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from mimetypes import guess_type
 from pathlib import Path
+from string import Template
 from urllib.parse import quote
 
-import pandas as pd
-
-from underlay._door import read_bytes
+from underlay._door import parse_json, read_bytes, read_text
 from underlay._files import write_atomic
 from underlay._version import VERSION
 from underlay.app.folder import FILE, AnalysisFolder, keep, kept
-from underlay.app.many import judged_table
-from underlay.app.shown import Film, Found, Progress, Row, Sampled, each_once
+from underlay.app.shown import Film, Found, Progress, Sampled, each_once
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
 from underlay.data.curve import Curve
-from underlay.errors import InputError, gathered_warnings
-from underlay.inference.films import fit_film
+from underlay.errors import gathered_warnings
 from underlay.inference.from_files import problem_from
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.sampling.run import sample
-from underlay.inference.uncertainty.answer import Answer, PointwiseModulus
-from underlay.report.details import pointwise_of, write_fit, write_posterior
-from underlay.report.excel import excel_bytes
-from underlay.report.film_tables import film_notes, film_table, write_film
-from underlay.report.labels import label
+from underlay.inference.uncertainty.answer import Answer
+from underlay.report.details import write_fit, write_posterior
 from underlay.report.page import today
-from underlay.report.page_fit import FitPage
-from underlay.report.page_posterior import PosteriorPage
-from underlay.report.render import report
+from underlay.report.page_fit import FitPage, PosteriorPage
 from underlay.report.tables import notes_of
 
 _WALKERS, _EVERY = 64, 10
@@ -49,6 +40,8 @@ _UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on fro
 # A date for every member, so that the same analysis is the same archive.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _CRATE = "ro-crate-metadata.json"
+# What every archive says of itself, and the script in it.
+_CRATE_OF_ALL, _SCRIPT = map(Path(__file__).with_name, ("ro-crate.json", "analysis.py.txt"))
 
 
 def tell_found(folder: AnalysisFolder, tested: Snapshot, result: Fit, tell: Tell) -> Found:
@@ -128,45 +121,6 @@ def sample_posterior(
     return sampled
 
 
-def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
-    """Return the rows of `film_table` with parameters called by their names for people."""
-    rows = table.assign(parameter=[label(name) for name in table["parameter"]]).to_dict("records")
-    return tuple({str(key): str(value) for key, value in row.items()} for row in rows)
-
-
-def film_of(folder: AnalysisFolder, tested: Snapshot, base: str, modulus: str, ends: tuple[str, str]) -> Film:
-    """Fit the moduli of a film to the contact stiffness of the selected curve.
-
-    Parameters
-    ----------
-    folder : AnalysisFolder
-        Holds both files.
-    tested : Snapshot
-        The test; its indenter is a cone.
-    base : str
-        File of a test on a sample of known modulus with the same tip; empty for a perfect tip.
-    modulus : str
-        E / (1 - nu^2) of that sample, with its unit.
-    ends : (str, str)
-        Shallowest and deepest depth that are fitted, with units.
-
-    Raises
-    ------
-    CurveError, InputError
-        As `underlay film`.
-    """
-    curve = folder.curve_file(tested.curve_name)
-    if base and not modulus.strip():
-        raise InputError('the known sample needs its modulus, such as "165 GPa" for (001) silicon')
-    calibration = folder.curve_file(base) if base else None
-    found = fit_film(tested.file, curve, calibration, modulus or None, ends)
-    write_film(found, folder.results, tested.stem)
-    notes = tuple(film_notes(found, perfect=not base))
-    film = Film(tested.of, notes, film_rows(film_table(found)), f"{tested.stem}.film.png")
-    keep(folder, tested.stem, film)
-    return film
-
-
 # --- what is taken away --------------------------------------------------------------------------------------
 
 
@@ -181,45 +135,9 @@ def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
         Numbers that the page shows (`Found.values`), which the script compares with its own. Empty before a fit.
     """
     shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
-    compare = (
-        "# What the page prints (SI): the value, its 95 % interval, and the part of noise and misfit in that.\n"
-        f"shown = {{\n{shown}}}\n"
-        "for name, numbers in shown.items():\n"
-        "    known = fit.answer(name)\n"
-        "    part = known.statistical\n"
-        "    same = (known.value, known.low, known.high, part.low, part.high) == numbers\n"
-        "    print(name, 'is as on the page' if same else 'differs from the page')\n"
-    )
-    return (
-        '"""The analysis of the page, as Python: the same curve, the same scene, the same numbers."""\n\n'
-        "from math import inf\n"
-        "from pathlib import Path\n\n"
-        "import underlay as ul\n\n"
-        "here = Path(__file__).parent\n"
-        f"problem = ul.load_problem(here / 'curves' / {curve_name!r}, here / 'scene.toml')\n"
-        "fit = ul.fit(problem)\n"
-        "for name in (*fit.names, *fit.derived):\n"
-        "    known = fit.answer(name)\n"
-        "    print(f'{name} {known.value:.6g} ({known.low:.6g} to {known.high:.6g})')\n"
-        "print(f'verdict: {fit.verdict}')\n" + (f"\n{compare}" if values else "")
-    )
-
-
-def fitted_test(folder: AnalysisFolder, now: Snapshot) -> tuple[Found, Snapshot]:
-    """Return the stored fit of the selected curve, and the scene and curve that were fitted.
-
-    Raises
-    ------
-    InputError
-        If the curve was not fitted, or its file has changed since.
-    """
-    found = kept(folder, now.stem, Found)
-    if found is None:
-        raise InputError("press Fit first: what is taken away is of a fit")
-    tested = Snapshot.from_text(folder, found.scene)
-    if tested.of != found.of:
-        raise InputError(f"{now.curve_name} is not the file that was fitted: press Fit again")
-    return found, tested
+    text = Template(read_text(_SCRIPT, FILE)).substitute(curve=repr(curve_name), shown=shown)
+    # Before a fit there is nothing to compare with.
+    return text if values else text.partition("\n# What the page prints")[0]
 
 
 def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> bytes:
@@ -248,7 +166,8 @@ def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> 
 
 def crate(tested: Snapshot, members: Collection[str]) -> bytes:
     """Return the JSON that describes the files of an archive (RO-Crate 1.1, https://w3id.org/ro/crate/1.1)."""
-    software = {"@id": "#underlay", "@type": "SoftwareApplication", "name": "underlay", "version": VERSION}
+    crate = parse_json(read_text(_CRATE_OF_ALL, FILE))
+    about, root, software, fit = crate["@graph"]
     parts = [
         {
             "@id": quote(name),
@@ -260,21 +179,13 @@ def crate(tested: Snapshot, members: Collection[str]) -> bytes:
     ]
     results = [{"@id": part["@id"]} for part in parts if part["name"].startswith("results/")]
     inputs = [{"@id": part["@id"]} for part in parts if not part["name"].startswith("results/")]
-    fit = {"@id": "#fit", "@type": "CreateAction", "instrument": {"@id": software["@id"]}}
-    about = {"@id": _CRATE, "@type": "CreativeWork", "about": {"@id": "./"}}
-    about["conformsTo"] = {"@id": "https://w3id.org/ro/crate/1.1"}
-    root = {
-        "@id": "./",
-        "@type": "Dataset",
+    root |= {
         "name": f"Indentation test {tested.curve_name}",
-        "description": "Young's modulus of a layer from an indentation curve: curve, test, script and results.",
         "hasPart": [{"@id": part["@id"]} for part in parts],
-        "mentions": {"@id": "#fit"},
     }
-    graph = [about, root, *parts, software, fit | {"object": inputs, "result": results}]
-    return json.dumps(
-        {"@context": "https://w3id.org/ro/crate/1.1/context", "@graph": graph}, indent=1
-    ).encode()
+    software["version"] = VERSION
+    crate["@graph"] = [about, root, *parts, software, fit | {"object": inputs, "result": results}]
+    return json.dumps(crate, indent=1).encode()
 
 
 def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:
@@ -284,23 +195,6 @@ def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:
             for written in (json.dumps(known)[1:-1], known):
                 content = content.replace(written.encode("utf-8", "surrogateescape"), name.encode())
     return content
-
-
-def workbook_of(result: Fit) -> bytes:
-    """Return the Excel file of a fit, with its modulus at each depth where there is one."""
-    by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
-    return excel_bytes(result, *by_depth)
-
-
-def map_workbook(folder: AnalysisFolder) -> bytes:
-    """Return the Excel file of the map, with the decisions by hand and the scene that was fitted."""
-    scene = (folder.read_result("map.scene.toml") or b"").decode()
-    return excel_bytes(judged_table(folder), settings={"scene": scene[:30_000]})
-
-
-def report_page(folder: AnalysisFolder, result: Fit, stem: str) -> bytes:
-    """Return the report of a fit as HTML, as `underlay report` makes it."""
-    return read_bytes(report(result, folder.results / f"{stem}.report.html"), FILE)
 
 
 def _zipped(members: dict[str, bytes]) -> bytes:

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
+from underlay.app.form import FACTS
 from underlay.data.curve import Curve
 from underlay.report.plots.fit import Canvas
 from underlay.report.review import Card
@@ -19,13 +20,6 @@ from underlay.units import format_quantity, printed
 #: A row of a table: texts by column.
 Row: TypeAlias = dict[str, str]
 _SPANS = ("depth", "force")
-#: Numbers that a file of a curve may hold: key, what it is called, kind.
-_FACTS = (
-    ("spring_constant", "Spring constant", "stiffness"),
-    ("sensitivity", "Deflection sensitivity", "sensitivity"),
-    ("indenter_radius", "Tip radius", "length"),
-    ("instrument_reduced_modulus", "The instrument's own reduced modulus", "pressure"),
-)
 
 
 @dataclass(frozen=True)
@@ -289,7 +283,7 @@ def each_once(*messages: str) -> tuple[str, ...]:
 def facts_of(curve: Curve) -> dict[str, str]:
     """Return the instrument's values that the file of a curve holds (spring constant, ...), as text by name."""
     found = {}
-    for key, words, kind in _FACTS:
+    for key, (words, kind) in FACTS.items():
         value = curve.metadata.get(key)
         if isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
             found[words] = format_quantity(float(value), kind)

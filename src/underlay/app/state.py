@@ -9,33 +9,23 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from underlay._door import FileKind, parse_toml, read_bytes, read_text, sha256_of
 from underlay._files import require_writable_folder
-from underlay.app.folder import AnalysisFolder, stem_of
-from underlay.app.form import Draft, empty, in_the_form
-from underlay.app.labels import take_manifest
+from underlay.app.folder import AnalysisFolder, stem_of, take_manifest
+from underlay.app.form import CHANGES, SAMPLES, Draft, empty, in_the_form
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
 from underlay.data.samples import sample, samples
 from underlay.errors import InputError, UnderlayError
 from underlay.report.labels import label
 from underlay.scene.scene_file import SceneFile, scene_file_from_text
+from underlay.scene.uncertainties import leaves
 
 _NOTHING = "bring a file first, and pick the curve to look at"
-_CHANGED = {
-    "fit.": "what is fitted",
-    "curve.file": "the curve",
-    "curve.test": "the curve",
-    "curve.m": "fit range",
-    "substrate.rigid": "the substrate",
-    "instrument.contact_depth": "contact point",
-    "assumed": "what is assumed",
-}
 # Changes that are remembered; seconds within which changes of one number are one.
 _MOST_UNDONE, _AT_ONCE = 50, 2.0
 _TASKS = "underlay.app.tasks:Analyst"
@@ -122,23 +112,15 @@ def changed(before: str, after: str) -> str:
     >>> changed('layer.thickness = "1 mm"', 'layer.thickness = "2 mm"')
     'layer thickness'
     """
-    first, second = (_numbers(parse_toml(text)) for text in (before, after))
+    first, second = (dict(leaves(parse_toml(text))) for text in (before, after))
     paths = [path for path in {**first, **second} if first.get(path) != second.get(path)]
     # What was entered is no assumption any more: that is the same change.
     paths = [path for path in paths if path != "assumed"] or paths
     words = {
-        next((said for begin, said in _CHANGED.items() if path.startswith(begin)), label(path))
+        next((said for begin, said in CHANGES.items() if path.startswith(begin)), label(path))
         for path in paths
     }
     return "the test" if len(words) > 1 else "".join(words)
-
-
-def _numbers(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Return all values of a nested document by their dotted paths."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        found |= _numbers(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": value}
-    return found
 
 
 class OpenAnalysis:
@@ -313,18 +295,9 @@ class Home:
             analysis.close()
 
 
-#: Samples by their scenes: what they are called, what is special, and folder and ending of their curves.
-SAMPLES: Mapping[str, tuple[str, str, tuple[str, str]]] = {
-    "gel_on_glass.toml": ("Gel on glass", "AFM, thickness known", ("", "gel_on_glass.csv")),
-    "cartilage_on_bone.toml": ("Cartilage on bone", "thickness fitted too", ("", "cartilage_on_bone.csv")),
-    "chiaro_cell.toml": ("Cell", "measured, half-space", ("", "chiaro_cell_indentation.csv")),
-    "joint/scene.toml": ("Joint, six sites", "a map, two animals", ("joint/curves", ".csv")),
-}
-
-
 def with_sample(folder: AnalysisFolder, scene: str) -> None:
     """Copy the curves, scene and manifest of an example (key of `SAMPLES`) into an analysis."""
-    paths = samples(*SAMPLES[scene][2])
+    paths = samples(*SAMPLES[scene][2:])
     brought = [folder.add_curve(path.name, read_bytes(path, _KIND)).name for path in paths]
     draft = Draft.of(read_text(sample(scene), _KIND))
     draft.table("curve")["file"] = f"curves/{brought[0]}"

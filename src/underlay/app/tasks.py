@@ -1,43 +1,38 @@
 """The tasks of a worker process beside the page: reading, drawing, fitting. Each calls the library.
 
 Results are plain values (text, numbers, bytes of pictures), so that they can be sent between processes.
-
-Thickness under the curves of an analysis, from contact heights (`data/contact_heights.py`), in its manifest.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from underlay._door import sha256_of
+from underlay._door import read_bytes, sha256_of
 from underlay._files import write_atomic
-from underlay.app import many, results
-from underlay.app.folder import AnalysisFolder, kept
-from underlay.app.labels import BARE, read_labels, set_label, take_manifest, write_labels
+from underlay.app import results
+from underlay.app.folder import (
+    FILE,
+    keep,
+    kept,
+)
+from underlay.app.many import MapTasks, map_is_old
 from underlay.app.shown import (
     Film,
     Found,
-    Gallery,
     Law,
     Look,
-    Overview,
     Reading,
     Sampled,
     Taken,
-    Together,
     each_once,
     facts_of,
     printed_rows,
 )
 from underlay.app.state import Snapshot
 from underlay.app.work import Tell
-from underlay.data.contact_heights import thickness_of_heights
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve, recorded
 from underlay.data.quality import check_quality
@@ -45,114 +40,30 @@ from underlay.data.segments import LOADING
 from underlay.errors import InputError, UnderlayError, gathered_warnings
 from underlay.inference.compare import laws_at_contact
 from underlay.inference.file_facts import settle
+from underlay.inference.films import fit_film
 from underlay.inference.from_files import chosen_part, problem_from, read_for, read_whole
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.details import pointwise_of, write_film
+from underlay.report.excel import excel_bytes
+from underlay.report.labels import label
 from underlay.report.limits import quality_doubts
 from underlay.report.plots.fit import LAW_STROKES, canvas, force_ends
 from underlay.report.plots.style import drawn
-from underlay.report.tables import curves_as_read, format_name, notes_of, reading_table, span
+from underlay.report.render import report
+from underlay.report.scene_tables import film_notes, film_table
+from underlay.report.tables import curves_as_read, format_name, notes_of, reading_table
 from underlay.scene.program import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
-from underlay.units import format_quantity, parse_quantity, printed
-
-_THICKNESS = "thickness (m)"
-_PLACE = re.compile(r"([xy])\s*[(\[]\s*(\w+)\s*[)\]]")
-
-
-def thickness_from_heights(folder: AnalysisFolder, file: SceneFile, begins: str) -> str:
-    """Write the layer thickness under every curve into the manifest, from contacts with the bare substrate.
-
-    The surface of the substrate is a plane through the contacts of at least three curves on it, if all curves have
-    positions and these are not on a line; otherwise it is taken as level. The stated error includes the contact
-    points alone.
-
-    Parameters
-    ----------
-    folder : AnalysisFolder
-        Holds the curves, and their positions where labels or files give some.
-    file : SceneFile
-        How curves are read; its contact model is used to find the contact point of curves on the sample.
-    begins : str
-        Beginning of the names of the curves on the bare substrate.
-
-    Returns
-    -------
-    str
-        A sentence on the thicknesses found, for the page.
-
-    Raises
-    ------
-    InputError
-        If no curve has such a name, or all have, or the sample would be below the substrate.
-    CurveError
-        If a curve shows no contact.
-    """
-    rows = read_labels(folder)
-    names = list(rows)
-    bare = np.array([bool(begins) and name.casefold().startswith(begins.casefold()) for name in names])
-    if not bare.any() or bare.all():
-        raise InputError(
-            f"{bare.sum()} of {len(rows)} curves have a name that begins with {begins[:40]!r}: some must be on the "
-            "bare substrate, and some on the sample"
-        )
-    found = [
-        _contact(folder, file, name, rows[name], on_sample=not alone)
-        for name, alone in zip(names, bare, strict=True)
-    ]
-    height, error = (np.array([contact[part] for contact in found]) for part in (0, 1))
-    known = thickness_of_heights(height, error, bare, [contact[2] for contact in found])
-    if (known.thickness[~bare] <= 0.0).any():
-        deepest = names[int(np.argmin(np.where(bare, np.inf, known.thickness)))]
-        raise InputError(
-            f"{deepest} meets the sample deeper than the bare substrate: do all curves count depth from one zero?"
-        )
-    for name, alone, value in zip(names, bare, known.thickness, strict=True):
-        kept = {key: cell for key, cell in rows[name].items() if "thickness" not in key}
-        rows[name] = kept | {BARE: "yes" if alone else "", _THICKNESS: "0" if alone else repr(float(value))}
-    write_labels(folder, rows)
-    own = known.thickness[~bare]
-    width = format_quantity(float(f"{2.0 * np.median(known.error[~bare]):.2g}"), "length")
-    how = "tilted" if known.is_tilted else "level"
-    return printed(
-        f"Thickness under {len(own)} curves: {span(own.min(), own.max(), 'length')}, each ± {width} by the contact "
-        f"points (95 %). The {bare.sum()} curves on the bare substrate, taken as {how}, are left out of the map."
-    )
-
-
-def _contact(
-    folder: AnalysisFolder, file: SceneFile, name: str, row: Mapping[str, str], *, on_sample: bool
-) -> tuple[float, float, tuple[float, ...]]:
-    """Return the height of a contact, its standard uncertainty, and its position (x, y), all in m.
-
-    The height is the depth reading from the zero that all curves share. The position comes from the labels, else
-    from the file; it is empty where neither has one.
-    """
-    curve = read_whole(file, folder.curve_file(name))
-    found = find_contact(curve, scene=file.draft if on_sample else None)
-    labels = {
-        place[1]: parse_quantity(f"{cell} {place[2]}", "length")
-        for header, cell in row.items()
-        if cell and (place := _PLACE.fullmatch(header))
-    }
-    own = curve.metadata.get("position")
-    position = tuple(own[:2]) if isinstance(own, tuple) else ()
-    # What a reader took off the axis so that it begins at zero.
-    taken = float(curve.metadata.get("contact_height", 0.0))
-    return (
-        taken + found.depth,
-        found.uncertainty,
-        (labels["x"], labels["y"]) if len(labels) == 2 else position,
-    )
-
+from underlay.units import format_quantity, printed
 
 _CONTACT = "instrument.contact_depth"
 _Of = TypeVar("_Of", Film, Found, Sampled)
 
 
-class Analyst:
+class Analyst(MapTasks):
     """The tasks on one analysis; the curve read last and the last fit are kept in memory.
 
     Every public method is a task. Its last argument is a function to send intermediate results to the page.
@@ -164,7 +75,7 @@ class Analyst:
     """
 
     def __init__(self, path: str) -> None:
-        self._folder = AnalysisFolder(Path(path))
+        super().__init__(path)
         self._read: tuple[object, Curve] | None = None
         self._said: tuple[str, SceneFile] | None = None
         self._fit: tuple[str, Fit] | None = None
@@ -295,62 +206,49 @@ class Analyst:
         return found, found is not None and found.of == tested.of
 
     def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
-        """Fit the moduli of a film to the contact stiffness of the selected curve; see `film_of`."""
-        return results.film_of(self._folder, Snapshot.now(self._folder), base, modulus, (low, high))
+        """Fit the moduli of a film to the contact stiffness of the selected curve.
+
+        Parameters
+        ----------
+        base : str
+            File of a test on a sample of known modulus with the same tip; empty for a perfect tip.
+        modulus : str
+            E / (1 - nu^2) of that sample, with its unit.
+        low, high : str
+            Shallowest and deepest depth that are fitted, with units.
+
+        Raises
+        ------
+        CurveError, InputError
+            As `underlay film`.
+        """
+        folder, tested = self._folder, Snapshot.now(self._folder)
+        curve = folder.curve_file(tested.curve_name)
+        if base and not modulus.strip():
+            raise InputError('the known sample needs its modulus, such as "165 GPa" for (001) silicon')
+        calibration = folder.curve_file(base) if base else None
+        found = fit_film(tested.file, curve, calibration, modulus or None, (low, high))
+        write_film(found, folder.results, tested.stem)
+        # Parameters are called by their names for people.
+        rows = (
+            film_table(found).assign(parameter=lambda table: table["parameter"].map(label)).to_dict("records")
+        )
+        table = tuple({str(key): str(value) for key, value in row.items()} for row in rows)
+        notes = tuple(film_notes(found, perfect=not base))
+        film = Film(tested.of, notes, table, f"{tested.stem}.film.png")
+        keep(folder, tested.stem, film)
+        return film
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the selected curve, with at most `most` steps."""
         tested = Snapshot.now(self._folder)
         return results.sample_posterior(self._folder, tested, self._part(tested), most, tell)
 
-    def fit_all(self, tell: Tell) -> Overview:
-        """Fit every curve of the analysis; see `run_map`."""
-        return many.run_map(self._folder, tell)
-
-    def overview(self, _tell: Tell) -> Overview:
-        """Return the summary of the map."""
-        return many.overview(self._folder)
-
-    def gallery(self, page: int, _tell: Tell) -> Gallery:
-        """Return one page (from 0) of the gallery of curves, worst first."""
-        return many.gallery(self._folder, page)
-
-    def decide(self, names: list[str], word: str, reason: str, _tell: Tell) -> None:
-        """Store a decision by hand on curves; see `underlay.app.many.decide`."""
-        many.decide(self._folder, names, word, reason)
-
-    def labels(self, _tell: Tell) -> dict[str, dict[str, str]]:
-        """Return the labels of every curve, by file and column."""
-        return read_labels(self._folder)
-
-    def set_label(self, files: list[str], column: str, label: str, _tell: Tell) -> None:
-        """Set a label of curves in a column such as animal or group."""
-        set_label(self._folder, files, column, label)
-
-    def thickness(self, begins: str, _tell: Tell) -> str:
-        """Set the thickness under every curve from contacts on the bare substrate, and describe it in a sentence.
-
-        `begins` is the beginning of the names of the curves on the bare substrate.
-        """
-        return thickness_from_heights(self._folder, self._test(), begins)
-
-    def take_manifest(self, content: bytes, _tell: Tell) -> None:
-        """Store an uploaded manifest (CSV) with labels of the curves."""
-        take_manifest(self._folder, content)
-
-    def population(self, by: str, group: str, _tell: Tell) -> Together:
-        """Estimate the population mean from all curves; see `show_population`."""
-        return many.show_population(self._folder, by, group)
-
-    def together(self, _tell: Tell) -> tuple[Together | None, bool]:
-        """Return the stored population, if any, and whether map and decisions are unchanged since."""
-        return many.population_before(self._folder)
-
     def taken(self, _tell: Tell) -> Taken:
         """Return scene and script for download: of the stored fit, or of the present scene where there is none."""
         now = Snapshot.now(self._folder)
         found = kept(self._folder, now.stem, Found)
-        is_map_old = many.map_is_old(self._folder)
+        is_map_old = map_is_old(self._folder)
         if found is None:
             return Taken(now.text, results.script(now.curve_name, {}), is_map_old=is_map_old)
         script = results.script(now.curve_name, found.values)
@@ -362,16 +260,14 @@ class Analyst:
 
     def excel(self, _tell: Tell) -> bytes:
         """Return the Excel file of the fit."""
-        return results.workbook_of(self._fitted(self._of_fit()[1]))
-
-    def excel_of_all(self, _tell: Tell) -> bytes:
-        """Return the Excel file of the map."""
-        return results.map_workbook(self._folder)
+        result = self._fitted(self._of_fit()[1])
+        return excel_bytes(result, *(found for found in pointwise_of(result) if not isinstance(found, str)))
 
     def report(self, _tell: Tell) -> bytes:
         """Return the report of the fit as HTML."""
         tested = self._of_fit()[1]
-        return results.report_page(self._folder, self._fitted(tested), tested.stem)
+        page = report(self._fitted(tested), self._folder.results / f"{tested.stem}.report.html")
+        return read_bytes(page, FILE)
 
     def _of_fit(self) -> tuple[Found, Snapshot]:
         """Return the stored fit of the selected curve, and the scene and curve that were fitted.
@@ -381,7 +277,14 @@ class Analyst:
         InputError
             If there is none, or the curve's file has changed since.
         """
-        return results.fitted_test(self._folder, Snapshot.now(self._folder))
+        now = Snapshot.now(self._folder)
+        found = kept(self._folder, now.stem, Found)
+        if found is None:
+            raise InputError("press Fit first: what is taken away is of a fit")
+        tested = Snapshot.from_text(self._folder, found.scene)
+        if tested.of != found.of:
+            raise InputError(f"{now.curve_name} is not the file that was fitted: press Fit again")
+        return found, tested
 
     def _fitted(self, tested: Snapshot) -> Fit:
         """Return the fit of a snapshot; it is fitted again unless it is the one in memory."""

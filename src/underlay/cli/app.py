@@ -9,11 +9,10 @@ from typing import Annotated
 import typer
 
 from underlay._version import VERSION
-from underlay.cli.console import noted, say, say_error
+from underlay.cli.console import noted, say, say_error, without_empty_folders
 from underlay.cli.design import accuracy, effects, identify, plan, simulate
 from underlay.cli.fit import benchmark, compare, demo, film, fit, sample
 from underlay.cli.maps import map_curves, population
-from underlay.cli.options import without_empty_folders
 from underlay.cli.report import cite, report
 from underlay.cli.start import browser_page, formats, keys
 from underlay.errors import UnderlayError

@@ -17,7 +17,7 @@ import typer
 
 import underlay as ul
 from underlay._files import write_atomic
-from underlay.cli import options
+from underlay.cli import console
 from underlay.cli.console import say, say_table, say_warnings, write_out
 from underlay.errors import InputError
 from underlay.units import format_quantity, parse_quantity
@@ -62,7 +62,7 @@ class _Test:
         from underlay.scene.scene_file import read_scene_file
 
         file = read_scene_file(scene)
-        self.file = replace(file, solver=options.wanted_solver(file.solver, solver, rtol))
+        self.file = replace(file, solver=console.wanted_solver(file.solver, solver, rtol))
         self.scene, self.solver = file.scene, self.file.solver
         self._curve, self._depth = curve or file.curve_path, max_depth
 
@@ -154,15 +154,15 @@ class _Test:
 
 
 def plan(
-    scene: options.ScenePath,
+    scene: console.ScenePath,
     parameter: Annotated[str, typer.Option(help="Parameter that the test is to determine.")] = "layer.E",
     radii: RadiiOption = None,
     depths: DepthsOption = None,
-    max_depth: options.MaxDepth = None,
-    curve: options.CurveOption = None,
-    solver: options.SolverName = None,
-    rtol: options.Rtol = None,
-    output: options.OutputFolder = None,
+    max_depth: console.MaxDepth = None,
+    curve: console.CurveOption = None,
+    solver: console.SolverName = None,
+    rtol: console.Rtol = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """Recommend a tip radius and a depth, by the expected standard error of a parameter.
 
@@ -219,11 +219,11 @@ def _grid(text: str) -> FloatArray:
 
 
 def identify(
-    scene: options.ScenePath,
-    curve: options.CurveOption = None,
-    solver: options.SolverName = None,
-    rtol: options.Rtol = None,
-    output: options.OutputFolder = None,
+    scene: console.ScenePath,
+    curve: console.CurveOption = None,
+    solver: console.SolverName = None,
+    rtol: console.Rtol = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """Show which combinations of the free parameters a test determines, and how well.
 
@@ -253,12 +253,12 @@ def identify(
 
 
 def effects(
-    scene: options.ScenePath,
-    max_depth: options.MaxDepth = None,
-    curve: options.CurveOption = None,
-    solver: options.SolverName = None,
-    rtol: options.Rtol = None,
-    output: options.OutputFolder = None,
+    scene: console.ScenePath,
+    max_depth: console.MaxDepth = None,
+    curve: console.CurveOption = None,
+    solver: console.SolverName = None,
+    rtol: console.Rtol = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """List the effects that matter for a scene: size, change of a fit without it, cost.
 
@@ -280,10 +280,10 @@ def effects(
 
 
 def accuracy(
-    scene: options.ScenePath,
-    max_depth: options.MaxDepth = None,
-    curve: options.CurveOption = None,
-    output: options.OutputFolder = None,
+    scene: console.ScenePath,
+    max_depth: console.MaxDepth = None,
+    curve: console.CurveOption = None,
+    output: console.OutputFolder = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="The force alone; fits and sampling take some ten seconds.")
     ] = False,
@@ -345,9 +345,9 @@ OffsetOption = Annotated[
 
 
 def simulate(
-    scene: options.ScenePath,
+    scene: console.ScenePath,
     output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")] = Path("simulated.csv"),
-    seed: options.Seed = 0,
+    seed: console.Seed = 0,
     noise: NoiseOption = None,
     offset: OffsetOption = None,
     sampling_rate: Annotated[
@@ -397,8 +397,8 @@ def _made(test: _Test, seed: int, noise: list[str], offset: list[str], rate: str
     )
     of_instrument.pop("compliance")
     written = {} if stated is None else {name: getattr(stated, name) for name in of_noise}
-    numbers = {**written, **options.named_quantities("--noise", given, {**of_noise, **of_others})}
-    offsets = options.named_quantities("--offset", offset, of_instrument)
+    numbers = {**written, **console.named_quantities("--noise", given, {**of_noise, **of_others})}
+    offsets = console.named_quantities("--offset", offset, of_instrument)
     scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
     if numbers.get("outlier_sd") and not numbers.get("outliers"):
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")

@@ -14,7 +14,7 @@ from rich.console import Console
 
 import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli import options
+from underlay.cli import console
 from underlay.cli.console import say, say_parts, say_table, say_warnings, say_written, write_out
 from underlay.data.samples import sample as sample_file
 from underlay.errors import InputError, gathered_warnings, installing
@@ -35,13 +35,13 @@ _SAMPLES = (
 
 
 def fit(
-    curve: options.CurveFile,
-    scene: options.SceneOption = None,
-    solver: options.SolverName = None,
-    rtol: options.Rtol = None,
-    output: options.OutputFolder = None,
-    excel: options.ExcelFile = None,
-    details: options.Details = False,
+    curve: console.CurveFile,
+    scene: console.SceneOption = None,
+    solver: console.SolverName = None,
+    rtol: console.Rtol = None,
+    output: console.OutputFolder = None,
+    excel: console.ExcelFile = None,
+    details: console.Details = False,
 ) -> None:
     """Fit a curve with the substrate in the model.
 
@@ -49,10 +49,10 @@ def fit(
     """
     from underlay.report.limits import quality_doubts
 
-    scene = options.scene_for(scene, curve, "fit")
+    scene = console.scene_for(scene, curve, "fit")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
-        problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
+        problem = problem.revised(solver=console.wanted_solver(problem.solver, solver, rtol))
         quality_doubts(problem)
         # Seen on a terminal only: of a draining layer under a sphere a fit may take a minute.
         work = Console(stderr=True).status("fitting; a layer that drains may take a minute")
@@ -111,7 +111,7 @@ def demo(
 
 
 def compare(
-    curve: options.CurveFile, scene: options.SceneOption = None, output: options.OutputFolder = None
+    curve: console.CurveFile, scene: console.SceneOption = None, output: console.OutputFolder = None
 ) -> None:
     """Fit one curve with every contact model, and with the layer bonded or free to slip on its substrate.
 
@@ -121,7 +121,7 @@ def compare(
     from underlay.report.limits import bonds_sentences
     from underlay.scene.scene import has_face
 
-    scene = options.scene_for(scene, curve, "compare")
+    scene = console.scene_for(scene, curve, "compare")
     with gathered_warnings() as notes:
         problem = ul.load_problem(curve, scene)
         laws = ul.compare(problem)
@@ -170,8 +170,8 @@ def _on_the_best(laws: Comparison) -> Iterator[str]:
 
 
 def film(
-    curve: options.CurveFile,
-    scene: options.SceneOption = None,
+    curve: console.CurveFile,
+    scene: console.SceneOption = None,
     calibration: Annotated[
         Path | None, typer.Option(help="Test with the same tip on a sample of known modulus, for its area.")
     ] = None,
@@ -180,7 +180,7 @@ def film(
     ] = None,
     depth_from: Annotated[str, typer.Option("--from", help="Smallest indentation that is fitted.")] = "0 nm",
     depth_to: Annotated[str, typer.Option("--to", help="Largest indentation that is fitted.")] = "1 m",
-    output: options.OutputFolder = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """Fit the contact stiffness S(h) of a film that was indented plastically; the scene's indenter is a cone.
 
@@ -190,23 +190,23 @@ def film(
     Example: `underlay film oxide.xls --scene film.toml --calibration silicon.xls --known-modulus "165 GPa"`
     """
     from underlay.inference.films import fit_film
-    from underlay.report.film_tables import film_notes, film_table
+    from underlay.report.scene_tables import film_notes, film_table
     from underlay.scene.scene_file import read_scene_file
 
-    scene = options.scene_for(scene, curve, "film")
+    scene = console.scene_for(scene, curve, "film")
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
     say(*film_notes(found, perfect=calibration is None))
     if output is not None:
-        from underlay.report.film_tables import write_film
+        from underlay.report.details import write_film
 
         say_written(write_film(found, output, curve.stem))
 
 
 def sample(
-    curve: options.CurveFile,
-    scene: options.SceneOption = None,
-    output: options.OutputFolder = None,
+    curve: console.CurveFile,
+    scene: console.SceneOption = None,
+    output: console.OutputFolder = None,
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
     max_steps: Annotated[
         int | None,
@@ -214,9 +214,9 @@ def sample(
             help="Most steps; it stops once converged. By default 20,000, or 5 min of processor time."
         ),
     ] = None,
-    seed: options.Seed = 0,
-    solver: options.SolverName = None,
-    rtol: options.Rtol = None,
+    seed: console.Seed = 0,
+    solver: console.SolverName = None,
+    rtol: console.Rtol = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
@@ -230,7 +230,7 @@ def sample(
     model_error: Annotated[
         bool, typer.Option("--model-error", help="Sample the sizes of friction and finite strain too.")
     ] = False,
-    details: options.Details = False,
+    details: console.Details = False,
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
@@ -244,14 +244,14 @@ def sample(
     from underlay.report.screen import posterior_lines
     from underlay.scene.scene_file import read_scene_file
 
-    file = read_scene_file(options.scene_for(scene, curve, "sample"))
+    file = read_scene_file(console.scene_for(scene, curve, "sample"))
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
     problem = problem_from(file, part)
     if resume and method == "importance":
         raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
     chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
-        problem = problem.revised(solver=options.wanted_solver(problem.solver, solver, rtol))
+        problem = problem.revised(solver=console.wanted_solver(problem.solver, solver, rtol))
         if model_error:
             problem = ul.free_model_error(problem)
         if problem.noise_is_open:
@@ -301,7 +301,7 @@ def benchmark(
         list[str] | None,
         typer.Option("--kind", help="Kind of sample, e.g. elastic; repeat it for more; all by default."),
     ] = None,
-    output: options.OutputFolder = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """Score the accuracy of a fit, a contact model or another program on the open benchmark.
 

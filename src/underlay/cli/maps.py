@@ -10,7 +10,7 @@ import typer
 
 import underlay as ul
 from underlay._files import require_writable_folder
-from underlay.cli import options
+from underlay.cli import console
 from underlay.cli.console import say, say_error, say_table
 from underlay.errors import InputError
 
@@ -23,7 +23,7 @@ _INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
 
 def map_curves(
     curves: Annotated[Path, typer.Argument(help="Folder with a curve per file, or one file of many tests.")],
-    scene: options.SceneOption = None,
+    scene: console.SceneOption = None,
     manifest: Annotated[
         Path | None,
         typer.Option(
@@ -50,10 +50,10 @@ def map_curves(
         bool, typer.Option("--quick", help="Values and least-squares errors alone, in a tenth of the time.")
     ] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
-    seed: options.Seed = 0,
-    solver: options.SolverName = None,
-    rtol: options.Rtol = None,
-    excel: options.ExcelFile = None,
+    seed: console.Seed = 0,
+    solver: console.SolverName = None,
+    rtol: console.Rtol = None,
+    excel: console.ExcelFile = None,
     review: Annotated[
         bool, typer.Option("--review", help="Write a gallery of the curves, worst first, and decisions.csv.")
     ] = False,
@@ -74,12 +74,12 @@ def map_curves(
     from underlay.report.screen import assumed_words, line, written_line
     from underlay.scene.scene_file import read_scene_file
 
-    scene = options.scene_for(scene, curves, "map")
+    scene = console.scene_for(scene, curves, "map")
     decided = None if decisions is None else ul.read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     file = read_scene_file(scene)
-    wanted = options.wanted_solver(file.solver, solver, rtol)
+    wanted = console.wanted_solver(file.solver, solver, rtol)
     if excel is not None:
         _require_elsewhere(excel, curves, folders)
     folder = require_writable_folder(output)
@@ -190,9 +190,9 @@ def population(
             help="Relative error that all curves share, such as the tip radius's; else the map's own."
         ),
     ] = None,
-    output: options.OutputFolder = None,
-    excel: options.ExcelFile = None,
-    details: options.Details = False,
+    output: console.OutputFolder = None,
+    excel: console.ExcelFile = None,
+    details: console.Details = False,
 ) -> None:
     """Mean and spread over animals, with intervals that allow for the similarity of sites on one animal.
 

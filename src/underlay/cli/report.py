@@ -12,7 +12,7 @@ import typer
 import underlay as ul
 from underlay._door import FileKind, parse_json, read_text, understood
 from underlay._files import require_writable_folder, write_atomic
-from underlay.cli import options
+from underlay.cli import console
 from underlay.cli.console import say, say_table
 from underlay.errors import InputError
 
@@ -191,7 +191,7 @@ def cite(
     result: Annotated[
         Path, typer.Argument(help="A .fit.json, a .posterior.npz or the table of a map.", metavar="RESULT")
     ],
-    output: options.OutputFolder = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """List what to cite of an analysis: the paper, the contact model, the sampler, programs that read files.
 

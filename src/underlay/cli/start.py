@@ -20,7 +20,7 @@ import typer
 import underlay as ul
 from underlay._files import write_atomic
 from underlay._text import one_line
-from underlay.cli import options
+from underlay.cli import console
 from underlay.cli.console import say, say_table, say_warnings, write_out
 from underlay.errors import FileAccessError, InputError, UnderlayError, missing_extra
 from underlay.units import format_quantity, human_unit
@@ -68,7 +68,7 @@ def formats(
         typer.Option("--scene", "-s", help="Scene file (TOML) whose [curve] section says how to read it."),
     ] = None,
     test: Annotated[int | None, typer.Option(help="Which test of a file that holds several.")] = None,
-    output: options.OutputFolder = None,
+    output: console.OutputFolder = None,
     new_scene: Annotated[
         Path | None,
         typer.Option("--new-scene", help="Write a starter scene file for FILE; what it knows is filled in."),
@@ -172,7 +172,7 @@ def keys(
     section: Annotated[
         str | None, typer.Argument(help="One section, e.g. layer; without it, all of them.")
     ] = None,
-    output: options.OutputFolder = None,
+    output: console.OutputFolder = None,
 ) -> None:
     """List every key of a scene file: what it takes, its default, what it means.
 

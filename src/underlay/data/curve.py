@@ -22,8 +22,6 @@ from underlay.data.equilibrium import equilibrium_points
 from underlay.data.segments import HOLD, LOADING, UNLOADING, one_label, one_of_each, segments_from_motion
 from underlay.errors import CurveError, InputError
 
-__all__ = ["MIN_POINTS", "RECORDED", "Curve", "Metadata", "check_fittable", "recorded"]
-
 #: Fewer points than this are not fitted.
 MIN_POINTS = 8
 _LABELS = (LOADING, HOLD, UNLOADING)

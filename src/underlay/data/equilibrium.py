@@ -6,16 +6,15 @@ over the last part of a hold, with its standard error and a check that the force
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.segments import HOLD, LOADING, goes_back
+from underlay.data.segments import HOLD, LOADING, goes_back, runs_of
 from underlay.errors import CurveError, InputError
-
-__all__ = ["EquilibriumPoints", "equilibrium_points"]
 
 _LEAST_POINTS = 4
 # A hold is at rest if the force drifts, over the part that is averaged, by less than this share of itself,
@@ -112,12 +111,10 @@ def equilibrium_points(
 
 def _holds_after_loading(segment: NDArray[np.str_]) -> list[tuple[int, int]]:
     """Return the first index and the end (exclusive) of each hold that follows a loading."""
-    edges = np.flatnonzero(segment[1:] != segment[:-1]) + 1
-    bounds = [0, *edges.tolist(), len(segment)]
     return [
-        (bounds[i], bounds[i + 1])
-        for i in range(1, len(bounds) - 1)
-        if segment[bounds[i]] == HOLD and segment[bounds[i] - 1] == LOADING
+        (first, last)
+        for (_, _, before), (first, last, label) in itertools.pairwise(runs_of(segment))
+        if (before, label) == (LOADING, HOLD)
     ]
 
 

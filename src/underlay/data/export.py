@@ -25,8 +25,6 @@ from underlay.data.curve import Curve, Metadata
 from underlay.errors import InputError, missing_extra
 from underlay.units import human_unit
 
-__all__ = ["HDF5_MARK", "METADATA_MARK", "curve_csv", "restored", "write_curves", "write_json"]
-
 # Seven digits: a ten-thousandth of the finest noise, and the same text wherever the last bit of a force
 # comes out differently.
 _FORMAT = "{:.7g}"

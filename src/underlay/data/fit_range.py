@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._given import require_given
 from underlay.data.contact_point import find_contact
@@ -14,9 +13,6 @@ from underlay.errors import CurveError, InputError
 from underlay.scene.fit_range import BEYOND, FitRange, Mark
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
-
-__all__ = ["in_range"]
-
 
 _REST = 50  # largest number of readings that are kept of what lies beyond the range
 
@@ -69,12 +65,15 @@ def in_range(curve: Curve, wanted: FitRange, scene: Scene, contact_depth: float 
         return curve
     zero = _zero(curve, scene, contact_depth)
     order = np.argsort(curve.depth, kind="stable")
+    pressed, forces = curve.depth[order] - zero.contact, curve.force[order] - zero.baseline
     first, last = 0, len(order)
     if wanted.high is not None:
-        beyond = np.flatnonzero(_beyond(wanted.high, curve, scene, zero)[order])
+        along = forces if wanted.high.of == "force" else pressed
+        beyond = np.flatnonzero(along > _limit(wanted.high, scene, zero))
         last = int(beyond[0]) if beyond.size else last
     if wanted.low is not None:
-        short = np.flatnonzero(~_reached(wanted.low, curve, scene, zero)[order][:last])
+        along = forces if wanted.low.of == "force" else pressed
+        short = np.flatnonzero(~(along >= _limit(wanted.low, scene, zero))[:last])
         first = int(short[-1]) + 1 if short.size else 0
     kept = np.zeros(len(curve), dtype=bool)
     kept[order[first:last]] = True
@@ -115,13 +114,3 @@ def _limit(mark: Mark, scene: Scene, zero: _Zero) -> float:
     if not np.isfinite(size):
         raise InputError(f"the fit range is a multiple of the {mark.of}, but the scene has none: give {path}")
     return mark.value * size
-
-
-def _reached(mark: Mark, curve: Curve, scene: Scene, zero: _Zero) -> NDArray[np.bool_]:
-    limit = _limit(mark, scene, zero)
-    return curve.force - zero.baseline >= limit if mark.of == "force" else curve.depth - zero.contact >= limit
-
-
-def _beyond(mark: Mark, curve: Curve, scene: Scene, zero: _Zero) -> NDArray[np.bool_]:
-    limit = _limit(mark, scene, zero)
-    return curve.force - zero.baseline > limit if mark.of == "force" else curve.depth - zero.contact > limit

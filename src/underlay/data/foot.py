@@ -18,8 +18,6 @@ from underlay.data.segments import HOLD, LEAST_BACK, LOADING, UNLOADING
 from underlay.errors import CurveError
 from underlay.units import format_quantity
 
-__all__ = ["SIGNIFICANT", "Approach", "Foot", "approach_of", "converter_noise", "foot_of", "require_going_in"]
-
 #: A force this many standard deviations of noise above the baseline is a force.
 SIGNIFICANT = 3.0
 # The rise is first placed where the force passes a tenth of its peak. The depth pressed at that point is 0.27

@@ -6,10 +6,8 @@ contact law can be fitted; the reasons say why.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from underlay._given import require_given
 from underlay.data.contact_point import ContactPoint, contact_of, reach_of
 from underlay.data.curve import Curve
 from underlay.data.foot import Foot, foot_of
-from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each
+from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each, runs_of
 from underlay.data.withdrawal import lowest_of
 from underlay.errors import CurveError, RangeError
 from underlay.mechanics.contact_law import ContactLaw
@@ -27,8 +25,6 @@ from underlay.mechanics.indenters import Indenter, PowerLawShape, Sphere
 from underlay.mechanics.solvers import Auto
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
-
-__all__ = ["DOUBTFUL", "GOOD", "REFUSED", "Quality", "check_quality"]
 
 GOOD = "good"
 DOUBTFUL = "doubtful"
@@ -137,20 +133,11 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         _refuse_nothing_beyond(beyond)
     except CurveError as error:
         return Quality(REFUSED, (str(error),))
+    to_noise = float(beyond.force.max() / contact.noise) if contact.noise > 0.0 else float("inf")
     expected = _expected_exponent(scene, law, beyond)
-    exponent, uncertainty = _exponent(loading, contact)
-    told = _Exponents(exponent, uncertainty, expected)
-    reasons = tuple(_doubts(curve, loading, contact, beyond, scene, told))
-    noise = contact.noise
-    return Quality(
-        DOUBTFUL if reasons else GOOD,
-        reasons,
-        contact,
-        exponent,
-        uncertainty,
-        expected,
-        float(beyond.force.max() / noise) if noise > 0.0 else float("inf"),
-    )
+    found = Quality(GOOD, (), contact, *_exponent(loading, contact), expected, to_noise)
+    reasons = tuple(_doubts(curve, loading, contact, beyond, scene, found))
+    return replace(found, verdict=DOUBTFUL, reasons=reasons) if reasons else found
 
 
 def _of_steps(curve: Curve) -> Quality:
@@ -184,14 +171,6 @@ def _law(scene: Scene | None, foot: Foot, loading: Curve) -> ContactLaw | None:
         except RangeError:
             continue
     return None
-
-
-class _Exponents(NamedTuple):
-    """Exponent of force against indentation, its standard error, and the expected one."""
-
-    found: float
-    uncertainty: float
-    expected: float
 
 
 @dataclass(frozen=True)
@@ -244,7 +223,7 @@ def _doubts(
     contact: ContactPoint,
     beyond: _Beyond,
     scene: Scene | None,
-    exponents: _Exponents,
+    found: Quality,
 ) -> Iterator[str]:
     peak = float(beyond.force.max())
     deepest = float(beyond.depth.max())
@@ -260,10 +239,10 @@ def _doubts(
         )
     if len(beyond.depth) < _FEW_POINTS:
         yield f"only {len(beyond.depth)} points beyond contact"
-    if not np.isfinite(exponents.found):
+    if not np.isfinite(found.exponent):
         yield "too few points beyond contact to see how the force grows with the depth"
-    elif abs(exponents.found - exponents.expected) > max(_EXPONENT, 2.0 * exponents.uncertainty):
-        yield _about_exponent(exponents.found, exponents.expected)
+    elif abs(found.exponent - found.expected_exponent) > max(_EXPONENT, 2.0 * found.exponent_uncertainty):
+        yield _about_exponent(found.exponent, found.expected_exponent)
     yield from (
         f"a flat top: {flat}: a saturated detector; fit up to 95 % of the force"
         for flat in flat_tops(loading, deepest)
@@ -309,12 +288,8 @@ def flat_tops(loading: Curve, deepest: float) -> Iterator[str]:
 
 def _risen_holds(curve: Curve, peak: float, noise: float) -> Iterator[str]:
     """Yield a doubt if the force rises while the depth is held: a real sample relaxes."""
-    labels = one_of_each(curve.segments())
-    if not (labels == HOLD).any() or len(labels) != len(curve):
-        return
-    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
-        if labels[first] != HOLD or first == 0 or last - first < _FEW_POINTS:
+    for first, last, label in runs_of(curve.segments()):
+        if label != HOLD or first == 0 or last - first < _FEW_POINTS:
             continue
         width = max(3, (last - first) // 20)
         depth, force = (

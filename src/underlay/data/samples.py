@@ -6,8 +6,6 @@ from pathlib import Path
 
 from underlay.errors import FileAccessError
 
-__all__ = ["sample", "samples"]
-
 _PACKAGE = Path(__file__).resolve().parents[1]
 _FOLDERS = (_PACKAGE / "data_samples", _PACKAGE.parents[1] / "data_samples")
 

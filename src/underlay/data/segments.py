@@ -21,25 +21,6 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 
-__all__ = [
-    "HOLD",
-    "LEAST_BACK",
-    "LOADING",
-    "UNLOADING",
-    "against_motion",
-    "goes_back",
-    "label_pieces",
-    "moving_mean",
-    "noise_of",
-    "one_label",
-    "one_of_each",
-    "reach",
-    "runs_of",
-    "segments_from_motion",
-    "step_of",
-    "wobble_of",
-]
-
 # Stairs repeat this share of their readings, on so many levels: fewer are the steps of a test.
 _REPEATED, _LEVELS = 0.25, 20
 # Reversals above this fraction of the range are never taken for vibration.
@@ -213,10 +194,8 @@ def _end_holds(labels: NDArray[np.str_], clock: FloatArray, force: FloatArray) -
 
     The depth of a stiff sample shows the unloading only later.
     """
-    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    bounds = [0, *ends.tolist(), len(labels)]
-    for first, turn, last in zip(bounds, bounds[1:], bounds[2:], strict=False):
-        if labels[first] != HOLD or labels[turn] != UNLOADING or clock[last - 1] <= clock[first]:
+    for (first, turn, label), (_, last, after) in itertools.pairwise(runs_of(labels)):
+        if (label, after) != (HOLD, UNLOADING) or clock[last - 1] <= clock[first]:
             continue
         x, y = clock[first:last] - clock[first], force[first:last]
         # Above the straight line to the end, and farthest where the way out begins.
@@ -245,11 +224,9 @@ def _split_holds(labels: NDArray[np.str_], clock: FloatArray, motion: FloatArray
     In a cycle the force falls and rises by much and the depth by little with it; at a held depth the force may fall
     too, but the depth does not decrease with it.
     """
-    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     noise, rough, stairs = noise_of(motion), noise_of(force), step_of(force) > 0.0
-    for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
+    for first, last, run in runs_of(labels):
         y = force[first:last]
-        run = str(labels[first])
         if run == LOADING or last - first < 2 * _FEWEST or np.ptp(y) <= _LETS_GO * np.abs(y).max():
             continue
         span = float(np.ptp(motion[first:last]))
@@ -305,10 +282,9 @@ def against_motion(
     """
     extent, whole = float(np.ptp(depth)), float(np.ptp(force))
     found, notes = labels, []
-    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     motion: NDArray[np.str_] | None = None
-    for first, last in itertools.pairwise([0, *ends.tolist(), len(labels)]):
-        if labels[first] != HOLD or np.ptp(depth[first:last]) <= _RAMP * extent:
+    for first, last, label in runs_of(labels):
+        if label != HOLD or np.ptp(depth[first:last]) <= _RAMP * extent:
             continue
         motion = segments_from_motion(depth, time, force) if motion is None else motion
         part = np.flatnonzero(motion[first:last] == LOADING) + first

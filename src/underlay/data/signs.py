@@ -6,7 +6,6 @@ reverses them.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -16,11 +15,9 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 from underlay.data.curve import Curve
-from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each, segments_from_motion
+from underlay.data.segments import HOLD, LOADING, UNLOADING, noise_of, runs_of, segments_from_motion
 from underlay.errors import CurveError
 from underlay.units import format_quantity
-
-__all__ = ["flipped", "require_signs", "reversed_columns", "sign_note"]
 
 # A sign is judged on the first motion over this share of the depth's range.
 _LONG = 0.3
@@ -54,7 +51,8 @@ def flipped(curve: Curve, columns: Iterable[str]) -> Curve:
         turned["depth"] = turned["depth"] - 2.0 * _bending(curve)
     rules: Mapping[str, Any] = curve.metadata.get("sign_rules") or {}
     new_rules = {name: f"turned, as asked; before: {rules.get(name, 'as given')}" for name in turned}
-    notes = _without_note(curve.metadata.get("notes") or ())
+    told = curve.metadata.get("notes") or ()
+    notes = tuple(note for note in told if not (note.startswith(_NOTE) and note.endswith(_NOTE_END)))
     found = replace(curve, **turned).with_metadata(sign_rules={**rules, **new_rules}, notes=notes)
     labels = found.segment
     if "depth" not in turned or labels is None:
@@ -93,10 +91,6 @@ def sign_note(curve: Curve) -> tuple[str, ...]:
     if _plainly_right(curve) or not (found := _reversed(curve)):
         return ()
     return (f"{_NOTE} {' and '.join(found[0])}{_NOTE_END}",)
-
-
-def _without_note(notes: Iterable[str]) -> tuple[str, ...]:
-    return tuple(note for note in notes if not (note.startswith(_NOTE) and note.endswith(_NOTE_END)))
 
 
 def _bending(curve: Curve) -> FloatArray | float:
@@ -167,12 +161,10 @@ def _first_motion(curve: Curve) -> slice | None:
 
 def _first_long(depth: FloatArray, labels: NDArray[np.str_]) -> slice | None:
     """Return the first run of one label, other than hold, over a good part of the depth; None if there is none."""
-    one = one_of_each(labels)
-    ends = [0, *(np.flatnonzero(one[1:] != one[:-1]) + 1).tolist(), len(labels)]
     extent = float(depth.max() - depth.min())
-    for first, last in itertools.pairwise(ends):
+    for first, last, label in runs_of(labels):
         long = last - first >= _FEWEST and abs(depth[last - 1] - depth[first]) >= _LONG * extent
-        if labels[first] != HOLD and long and extent > 0.0:
+        if label != HOLD and long and extent > 0.0:
             return slice(first, last)
     return None
 
@@ -188,8 +180,7 @@ def _change(force: FloatArray) -> float:
     tenth = max(3, len(force) // 10)
     (start, end), before = _ends(force), median(force[-2 * tenth : -tenth])
     change = end - start
-    noise = float(1.4826 * median(np.abs(np.diff(force, 2))) / np.sqrt(6.0))
-    clear = abs(change) > max(_CHANGE * float(np.ptp(force)), _NOISE * noise)
+    clear = abs(change) > max(_CHANGE * float(np.ptp(force)), _NOISE * noise_of(force))
     goes_on = (end - before) * change > _END * change * change * tenth / len(force)
     return change if clear and goes_on else 0.0
 

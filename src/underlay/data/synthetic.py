@@ -23,8 +23,6 @@ from underlay.quantities import Part, field_quantities, quantity
 from underlay.scene.noise import Noise, NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Disturbances", "simulate", "synthesize"]
-
 
 @dataclass(frozen=True)
 class Disturbances(Part):

@@ -19,8 +19,6 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.segments import UNLOADING, one_of_each
 
-__all__ = ["Imprint", "Lowest", "imprint_of", "lowest_of", "remembering_withdrawal"]
-
 # Share of the largest depth that an elastic test may seem to leave: the contact point is not known better.
 _LEFT = 0.15
 # Stiffness over slope: an elastic test's differ by the noise of a slope.

@@ -22,44 +22,22 @@ from underlay.errors import UnderlayError
 from underlay.inference.recipe import steps_to_ours
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.uncertainty.answer import NORMAL_95, ModulusCurve, PointwiseModulus
-from underlay.report import adhesion_tables, plots, screen, tables
+from underlay.report import plots, scene_tables, screen, tables
 from underlay.report.labels import label, labelled, listed, start
 from underlay.report.limits import advice, distinct_scenes, rivals
-from underlay.report.scene_tables import effects_table, scene_table
 from underlay.scene.parameters import kind_of
 from underlay.units import format_ends, format_quantity, human_unit, interval_digits, printed, printed_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from underlay.inference.films import StiffnessFit
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.sampling.posterior import Posterior
     from underlay.scene.scene import Scene
 
 # Rows of a table that is read and not plotted.
 _ROWS = 10
-# Of each picture: text for screen readers, title and caption.
-_WORDS = {
-    "time": (
-        "Force against time with the fit, and the residuals below.",
-        "In time.",
-        "Loading, hold and unloading are fitted together.",
-    ),
-    "drainage": (
-        "Force that is left to fall in the hold against the root of time, measured and fitted.",
-        "Drainage.",
-    ),
-    "relaxation": ("Modulus of the layer against time after a sudden strain.", "Relaxation."),
-    "adhesion": (
-        "States of a contact that adheres, jumps into contact and off, and the measured points.",
-        "Adhesion.",
-        "Every contact that balances, and where the tip jumps.",
-    ),
-    "segments": (
-        "Depth and force against time, loading, hold and unloading apart.",
-        "The whole measurement.",
-    ),
-}
 # Ends farther apart than this have each a unit of its own.
 _ONE_UNIT = 1e-3
 
@@ -93,6 +71,11 @@ class Picture(NamedTuple):
 
 
 Content: TypeAlias = str | pd.DataFrame | Picture
+
+
+def picture(kind: str, draw: Callable[..., Axes], name: str = "", **told: str) -> Picture:
+    """Return a picture whose texts are those of its kind in ``words.toml``, with what is `told` filled in."""
+    return Picture(name or kind, draw, *(text.format(**told) for text in screen.WORDS["pictures"][kind]))
 
 
 class Part(NamedTuple):
@@ -130,7 +113,7 @@ def fit_parts(fit: Fit, by_depth: Sequence[PointwiseModulus | str], command: str
             doubts,
         ],
     )
-    yield Part("The test in numbers", "", [scene_table(*fit.scenes)])
+    yield Part("The test in numbers", "", [scene_tables.scene_table(*fit.scenes)])
     drawn = [pictures_of(fit, curve) for curve in range(len(fit.curves))]
     yield Part("Adhesion", "pull-off, jumps, and the half-space's formula", [*_adhesion(fit, drawn)])
     yield Part(
@@ -190,15 +173,17 @@ def _effects(fit: Fit) -> Iterator[Content]:
     for test in distinct_scenes(fit.scenes, fit.curves):
         if test.label:
             yield Heading(start(test.label))
-        yield effects_table(test.scene, test.deepest, fit.solver).drop(columns="adds to the time")
+        yield scene_tables.effects_table(test.scene, test.deepest, fit.solver).drop(
+            columns="adds to the time"
+        )
 
 
 def _adhesion(fit: Fit, drawn: Sequence[dict[str, Picture]]) -> Iterator[Content]:
     for curve, pictures in enumerate(drawn):
         if "adhesion" in pictures:
             yield pictures["adhesion"]
-            yield adhesion_tables.adhesion_table(fit, curve)
-            if sentence := adhesion_tables.halfspace_of(fit, curve):
+            yield scene_tables.adhesion_table(fit, curve)
+            if sentence := scene_tables.halfspace_of(fit, curve):
                 yield sentence
 
 
@@ -216,11 +201,7 @@ def pictures_of(fit: Fit, curve: int = 0) -> dict[str, Picture]:
         "adhesion": partial(plots.adhesion, fit, curve=curve) if scene.adhesion is not None else None,
         "segments": None if whole is None else partial(plots.segments, whole),
     }
-    return {
-        name: Picture(f"{name} {curve}", draw, *_WORDS[name])
-        for name, draw in draws.items()
-        if draw is not None
-    }
+    return {name: picture(name, draw, f"{name} {curve}") for name, draw in draws.items() if draw is not None}
 
 
 def pointwise_of(result: Fit) -> list[PointwiseModulus | str]:
@@ -305,16 +286,13 @@ def posterior_parts(posterior: Posterior, facts: Mapping[str, str], *files: str)
     yield Part("What the data add", "each parameter before and after the test", [prior_table(posterior)])
     yield Part("Diagnostics of the sampling", "", [posterior_diagnostics_table(posterior)])
     scenes = median_scenes(posterior)
-    yield Part("The test in numbers", "", [scene_table(*scenes)] if scenes else [])
+    yield Part("The test in numbers", "", [scene_tables.scene_table(*scenes)] if scenes else [])
     yield Part("Where this comes from", "", [tables.provenance_table(posterior.provenance, facts, *files)])
 
 
 def predicted(posterior: Posterior, curve: int) -> Picture:
     """Return the picture of one curve with the bands of the model and of new readings."""
-    caption = "Where the model and a new reading lie with 95 % probability. Below: less the median."
-    alt = "Measured force against depth with bands of the model and of new readings."
-    draw = partial(plots.predictive, posterior, curve=curve)
-    return Picture(f"predicted {curve}", draw, alt, "Data and prediction.", caption)
+    return picture("predicted", partial(plots.predictive, posterior, curve=curve), f"predicted {curve}")
 
 
 def median_scenes(posterior: Posterior) -> tuple[Scene, ...]:
@@ -448,7 +426,7 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     if isinstance(by_depth, PointwiseModulus):
         files["depth.csv"] = by_depth.table
     if result.scenes[0].adhesion is not None:
-        files["adhesion.csv"] = adhesion_tables.adhesion_frame(result)
+        files["adhesion.csv"] = scene_tables.adhesion_frame(result)
     files |= {f"{name}.png": picture.draw for name, picture in pictures_of(result).items()}
     return [
         *write_all(folder, {f"{stem}.{name}": what for name, what in files.items()}),
@@ -469,6 +447,17 @@ def write_posterior(posterior: Posterior, folder: Path, stem: str) -> list[Path]
         "predictive.png": partial(plots.predictive, posterior),
     }
     return [draws, *write_all(folder, {f"{stem}.{name}": what for name, what in files.items()})]
+
+
+def write_film(found: StiffnessFit, folder: Path, stem: str) -> list[Path]:
+    """Write both tables (CSV) and the picture (PNG) of a film; return the paths of the three files."""
+    units = {name: f"{name} ({unit})" for unit, names in screen.WORDS["film"].items() for name in names}
+    files: dict[str, pd.DataFrame | Callable[..., Axes]] = {
+        "csv": scene_tables.film_moduli(found),
+        "depths.csv": found.table.rename(columns=units),
+        "png": partial(plots.film, found),
+    }
+    return write_all(folder, {f"{stem}.film.{name}": what for name, what in files.items()})
 
 
 def write_all(folder: Path, files: Mapping[str, pd.DataFrame | Callable[..., Axes]]) -> list[Path]:

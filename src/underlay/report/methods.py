@@ -19,22 +19,6 @@ if TYPE_CHECKING:
     from underlay.inference.uncertainty.answer import Answer, PointwiseModulus
     from underlay.scene.scene import Scene
 
-_LAWS = {
-    "exact": "the exact solution of the contact problem",
-    "asymptotic": "the asymptotic solution of the contact problem",
-    "halfspace": "the formula of a half-space",
-    "stuck": "the solution of the contact problem without slip",
-}
-# What every analysis used, which nobody cites in a methods paragraph: `underlay cite` lists it.
-_COMMON = (
-    "arrays",
-    "numerics",
-    "least squares",
-    "size of the noise",
-    "intervals",
-    "correlated noise",
-    "a robust",
-)
 # Sources that are named, largest first, and the share of the variance below which none is.
 _NAMED, _SMALL = 4, 0.01
 
@@ -64,7 +48,9 @@ def cited_works(used: Mapping[str, str]) -> list[Work]:
         Keys of works, and what each was used for. What every analysis uses (arrays, numerics, ...) is left out:
         `underlay cite` lists it.
     """
-    return [work(key) for key, why in used.items() if not why.startswith(_COMMON)]
+    return [
+        work(key) for key, why in used.items() if not why.startswith(tuple(screen.WORDS["methods"]["common"]))
+    ]
 
 
 def methods_paragraph(
@@ -93,7 +79,9 @@ def _model(fit: Fit) -> str:
     curves = (
         "A force-indentation curve was" if number == 1 else f"{number} force-indentation curves were jointly"
     )
-    law = _LAWS.get(fit.statistics.law_method, f"the contact model {fit.statistics.law_method}")
+    law = screen.WORDS["laws"].get(
+        fit.statistics.law_method, f"the contact model {fit.statistics.law_method}"
+    )
     cited = citation_words(cited_works(fit.used))
     return f"{curves} fitted with {law} for a {tip_words(scene)}, on {sample_words(scene)} ({cited})."
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from string import Template
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -30,7 +31,7 @@ from underlay.report.details import Content, Heading, Part, Picture
 from underlay.report.labels import label, labelled, start
 from underlay.report.plots.scene import material_words
 from underlay.report.plots.style import drawn, in_words, inline_svg, panel
-from underlay.report.screen import assumed_inputs, assumed_words, name_of, one_end, written
+from underlay.report.screen import WORDS, assumed_inputs, assumed_words, name_of, one_end, written
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, printed
 
@@ -44,13 +45,6 @@ if TYPE_CHECKING:
     from underlay.mechanics.solver import Solver
     from underlay.report.limits import DistinctScene
 
-# Nothing runs and nothing is fetched, whatever a name or a file holds.
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
-_SHAPES = {
-    "good": "\N{BLACK CIRCLE}",
-    "check": "\N{BLACK SQUARE}",
-    "reject": "\N{BLACK UP-POINTING TRIANGLE}",
-}
 _INCH = 25.4
 #: Millimetres: the curve on a sheet of A4, beside the drawing of the test.
 CURVE = (126.0, 86.0)
@@ -180,13 +174,13 @@ def verdict_block(verdict: Advice, more: str = "") -> str:
     Its word sets colour and symbol.
     """
     word, reason = str(verdict.word), _sentence(verdict.reason)
-    shape = f'<i aria-hidden="true">{_SHAPES.get(word, "")}</i> '
-    lines = [tag("p", shape, f"<b>{words(word.capitalize())}.</b> {reason}")]
+    shape = WORDS["verdicts"].get(word, "")
+    lines = [tag("p", f'<i aria-hidden="true">{shape}</i> ', f"<b>{words(word.capitalize())}.</b> {reason}")]
     pairs = [("Likely cause", verdict.cause), ("Next step", verdict.next)]
     cells = "".join(f"<dt>{name}</dt><dd>{_sentence(text)}</dd>" for name, text in pairs if text)
     lines += [tag("dl", cells)] if cells else []
     lines += [tag("p", words(more))] if more else []
-    return tag("div", *lines, kind=f"verdict {word if word in _SHAPES else 'check'}")
+    return tag("div", *lines, kind=f"verdict {word if shape else 'check'}")
 
 
 def _sentence(text: str) -> str:
@@ -273,8 +267,11 @@ def style_of(*parts: str) -> str:
 
     The files are ``colours``, ``frame`` (a sheet of paper) and ``sheet`` (what is on it).
     """
-    folder = resources.files("underlay.report") / "templates" / "page"
-    return "".join((folder / f"{part}.css").read_text(encoding="utf-8") for part in parts)
+    return "".join(_of_page(f"{part}.css") for part in parts)
+
+
+def _of_page(name: str) -> str:
+    return (resources.files("underlay.report") / "templates" / "page" / name).read_text(encoding="utf-8")
 
 
 def today() -> str:
@@ -284,23 +281,13 @@ def today() -> str:
 
 def document(title: str, *blocks: str, styles: Sequence[str] = ("colours", "frame", "sheet")) -> str:
     """Return a complete HTML document: its title, the blocks of HTML in its body, and its styles as `style_of`."""
-    style = style_of(*styles)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light">\n<meta name="generator" content="underlay">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        f"<title>{words(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
-        + "\n".join(blocks)
-        + "\n</body>\n</html>\n"
-    )
-
-
-_Result = TypeVar("_Result")
+    # Nothing runs and nothing is fetched, whatever a name or a file holds: the page says so to the browser.
+    parts = {"title": words(title), "style": style_of(*styles), "blocks": "\n".join(blocks)}
+    return Template(_of_page("page.html")).substitute(parts)
 
 
 @dataclass
-class Page(ABC, Generic[_Result]):
+class Page(ABC):
     """The report page of a result: a head, a sheet of A4, and what is folded below it.
 
     Parameters
@@ -315,7 +302,7 @@ class Page(ABC, Generic[_Result]):
         Files whose SHA-256 the page states.
     """
 
-    result: _Result
+    result: Any
     day: str
     command: str = ""
     files: Sequence[Path] = ()

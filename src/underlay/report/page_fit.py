@@ -12,7 +12,8 @@ import numpy as np
 
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.report import details, page, plots, screen
-from underlay.report.labels import labelled, listed, start
+from underlay.report.details import Part, median_scenes, posterior_parts, predicted
+from underlay.report.labels import is_of_the_sample, labelled, listed, start
 from underlay.report.limits import DistinctScene, distinct_scenes
 from underlay.report.methods import cited_works, methods_paragraph, sample_words, tip_words
 from underlay.report.plots.style import in_words
@@ -27,7 +28,7 @@ _WORTH = 0.02
 
 
 @dataclass
-class FitPage(page.Page[Fit]):
+class FitPage(page.Page):
     """The report page of a fit; parameters as `Page`."""
 
     @cached_property
@@ -108,11 +109,8 @@ class FitPage(page.Page[Fit]):
     def _curve(self, number: int) -> str:
         fit = self.result
         draw = partial(plots.fit, fit, curve=number, half_space=self.half_space)
-        caption = "Indentation is counted from the fitted contact point. Below: residuals."
-        if self.half_space is not None:
-            caption = f"{caption} {screen.half_space_words(fit, self.half_space)}."
-        alt = "Force against indentation with the fit, and the residuals below."
-        return page.figure(details.Picture(f"fit {number}", draw, alt, "Curve and fit.", caption), page.CURVE)
+        beside = "" if self.half_space is None else f" {screen.half_space_words(fit, self.half_space)}."
+        return page.figure(details.picture("fit", draw, f"fit {number}", more=beside), page.CURVE)
 
     def _depths(self) -> str:
         pictures, found = details.pictures_of(self.result), self.by_depth[0]
@@ -125,10 +123,8 @@ class FitPage(page.Page[Fit]):
         shown = None if self.result.verdict == "reject" else known
         # Intervals of a rejected model are no judge of whether it is constant.
         trend = "" if shown is None else screen.by_depth_words(found)
-        caption = f"Modulus read from the force at each depth{': ' if trend else ''}{trend}."
-        alt = "Modulus against depth, and the half-space's."
         draw = partial(plots.pointwise_modulus, found, answer=shown)
-        return page.figure(details.Picture("depth", draw, alt, "E by depth.", caption), _HALF)
+        return page.figure(details.picture("depth", draw, trend=f": {trend}" if trend else ""), _HALF)
 
     def _budget(self) -> str:
         if self.result.verdict == "reject":
@@ -137,13 +133,8 @@ class FitPage(page.Page[Fit]):
         if known is None:
             return page.tag("p", "No uncertainty budget: no number is determined.", kind="none")
         name, letter = screen.name_of(known.name)
-        caption = (
-            "What each source alone does, at 95 %, the larger side. Hatched: usual sizes; enter your own."
-        )
-        alt, title = f"Bars: what each source does to the {name.lower()}.", f"Uncertainty budget of {letter}."
-        return page.figure(
-            details.Picture("budget", partial(plots.budget, known), alt, title, caption), _HALF
-        )
+        draw = partial(plots.budget, known)
+        return page.figure(details.picture("budget", draw, what=name.lower(), letter=letter), _HALF)
 
     def _methods(self) -> str:
         if self.result.verdict == "reject":
@@ -161,3 +152,61 @@ class FitPage(page.Page[Fit]):
             yield f"{name} · SHA-256 {known}" if known else f"{name} · points' SHA-256 {entry['data_sha256']}"
         if scene := self.result.provenance["curves"][0].get("scene_path"):
             yield f"scene {Path(scene).name}"
+
+
+# --- a posterior
+
+
+@dataclass
+class PosteriorPage(page.Page):
+    """The report page of a posterior; parameters as `Page`."""
+
+    @property
+    def title(self) -> str:
+        """Name of the first curve, or of the file of the posterior, and the number of further curves."""
+        problem = self.result.problem
+        if problem is not None:
+            return f"{page.name_of_curves(problem.curves)}: posterior"
+        return f"{self.files[0].name if self.files else 'one curve'}: posterior"
+
+    @property
+    def about(self) -> str:
+        """Tip and sample, as far as they are known, and the number of draws."""
+        problem, draws = self.result.problem, f"{len(self.result.samples)} draws"
+        if problem is None:
+            return draws
+        scene = problem.base_scenes[0]
+        return f"{tip_words(scene)}, on {sample_words(scene)} · {draws}"
+
+    def sheet(self, *, opened: bool = False) -> str:
+        """Return all of the posterior's page below its title as HTML; `opened` shows the folded parts."""
+        post = self.result
+        answers = [post.answer(name) for name in post.names if is_of_the_sample(name)]
+        curves = () if post.problem is None else post.problem.curves
+        first = page.figure(predicted(post, 0), page.CURVE) if post.predictive else ""
+        # Thousands of draws: as pixels.
+        corner = page.figure(details.picture("corner", partial(plots.corner, post)), as_pixels=True)
+        return self.with_foot(
+            page.headline(answers, post.verdict, curves),
+            page.tag("section", first, self._drawing(), kind="figs"),
+            corner,
+            opened=opened,
+        )
+
+    def _drawing(self) -> str:
+        problem = self.result.problem
+        if problem is None:
+            why = screen.WORDS["posterior"]["missing"].format(missing=self.result.missing)
+            return page.tag("p", page.words(why), kind="none")
+        tests = distinct_scenes(median_scenes(self.result), problem.curves)
+        return page.tag("div", *(page.drawing(test, problem.solver, "at the median") for test in tests))
+
+    def origin(self) -> Iterator[str]:
+        """Yield the files with their hashes, and each curve with that of its points."""
+        yield from super().origin()
+        for entry in self.result.provenance["curves"]:
+            yield f"{entry.get('name') or 'curve'} · points' SHA-256 {entry['data_sha256']}"
+
+    def parts(self) -> Iterator[Part]:
+        """Return what stands behind the numbers, as `posterior_parts`."""
+        return posterior_parts(self.result, self.facts, *map(str, self.files))

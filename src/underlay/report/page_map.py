@@ -15,7 +15,7 @@ from underlay.inference.batch.results_table import FITTED
 from underlay.inference.citation import used_by
 from underlay.inference.uncertainty.answer import Advice
 from underlay.report import maps, page, plots
-from underlay.report.details import Part, Picture
+from underlay.report.details import Part, picture
 from underlay.report.labels import label, start
 from underlay.report.methods import citation_words, cited_works
 from underlay.report.screen import counted_words, name_of, site_numbers, verdict_counts
@@ -27,11 +27,10 @@ if TYPE_CHECKING:
 _MAP, _SMALL = (112.0, 78.0), (70.0, 60.0)
 # Sites above which a map is sent as pixels; numbers in the headline.
 _MANY, _NUMBERS = 2000, 2
-_GREY = "Sites without a fit are grey."
 
 
 @dataclass
-class MapPage(page.Page[pd.DataFrame]):
+class MapPage(page.Page):
     """The report page of a map, of what `fit_many` returned; parameters as `Page`."""
 
     @cached_property
@@ -101,13 +100,11 @@ class MapPage(page.Page[pd.DataFrame]):
     def _pictures(self, *, drawn: bool) -> Iterator[str]:
         columns = maps.columns_to_draw(self.sites)
         if columns and drawn:
-            alt, title = f"Map of the {label(columns[0])} by position.", "By position."
-            shown = Picture("map", partial(plots.map, self.sites, columns[0]), alt, title, _GREY)
+            shown = picture("map", partial(plots.map, self.sites, columns[0]), what=label(columns[0]))
             yield page.figure(shown, _MAP, as_pixels=len(self.sites) > _MANY)
         if self.parameters:
             draw = partial(plots.histogram, self.sites, self.parameters[0])
-            alt = f"Histogram of the {label(self.parameters[0])}."
-            yield page.figure(Picture("histogram", draw, alt, "All sites that count."), _SMALL, "side")
+            yield page.figure(picture("histogram", draw, what=label(self.parameters[0])), _SMALL, "side")
 
     def _methods(self) -> str:
         laws = [str(law) for law in self.sites.get("law", []) if isinstance(law, str)]
@@ -135,11 +132,11 @@ class MapPage(page.Page[pd.DataFrame]):
     def _more_maps(self) -> Iterator[str]:
         for name in maps.columns_to_draw(self.sites)[1:]:
             draw = partial(plots.map, self.sites, name)
-            shown = Picture(name, draw, f"Map of the {label(name)}.", start(label(name)))
+            shown = picture("further_map", draw, name, what=label(name), title=start(label(name)))
             yield page.figure(shown, as_pixels=True)
         if maps.has_positions(self.sites):
             draw = partial(plots.verdicts, self.sites)
-            yield page.figure(Picture("verdicts", draw, "Map of the verdicts.", "Verdicts"), as_pixels=True)
+            yield page.figure(picture("verdicts", draw), as_pixels=True)
 
 
 def together_block(found: Population | str, curves: pd.DataFrame, label: str) -> str:
@@ -166,12 +163,10 @@ def together_block(found: Population | str, curves: pd.DataFrame, label: str) ->
     told = page.verdict_block(maps.population_verdict(found), more)
     drawn = []
     if found.by:
-        alt = "Curves, animals and the population with its interval, group by group."
-        drawn.append(page.figure(Picture("population", partial(plots.population, found), alt, "Population.")))
+        drawn.append(page.figure(picture("population", partial(plots.population, found))))
     if label in curves.columns:
         draw = partial(plots.boxes, curves, label, found.parameter)
-        alt = f"Box plot of every {label}, with its curves."
-        drawn.append(page.figure(Picture("boxes", draw, alt, f"Curves by {label}.")))
+        drawn.append(page.figure(picture("boxes", draw, label=label)))
     frames = [page.table(frame) for frame in maps.population_tables(found)]
     said = [page.tag("p", page.words(text)) for text in found.sentences()]
     return "".join(

@@ -91,7 +91,7 @@ def report(
     return target
 
 
-def _page(result: Any, problem: Problem | None, command: str, files: list[Path]) -> Page[Any]:
+def _page(result: Any, problem: Problem | None, command: str, files: list[Path]) -> Page:
     """Return the page for the type of `result`; only the pictures of that one are loaded."""
     if isinstance(result, Fit):
         from underlay.report.page_fit import FitPage  # noqa: PLC0415  see above
@@ -102,7 +102,7 @@ def _page(result: Any, problem: Problem | None, command: str, files: list[Path])
 
         return MapPage(result, today(), command, files)
     from underlay.inference.sampling.posterior import Posterior  # noqa: PLC0415  see above
-    from underlay.report.page_posterior import PosteriorPage  # noqa: PLC0415  see above
+    from underlay.report.page_fit import PosteriorPage  # noqa: PLC0415  see above
 
     if not isinstance(result, Posterior):
         raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")

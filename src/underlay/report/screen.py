@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib import resources
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
+from underlay._door import parse_toml
 from underlay.errors import UnderlayError
 from underlay.inference.batch.decisions import not_rejected
 from underlay.inference.batch.results_table import fitted_names
@@ -45,25 +47,10 @@ _LOPSIDED = 1.5
 _MORE = 4
 # Inputs that are named, largest first, and the share below which none is: without it the whole is 5 % smaller.
 _NAMED, _SMALL = 3, 0.1
-_SOURCES = {
-    "noise and misfit": "noise",
-    "force": "force",
-    "depth": "depth scale",
-    "spring_constant": "spring constant",
-    "indenter.heights": "tip heights",
-    "layer.nu": "Poisson's ratio",
-    "a tip that is a sphere, not a paraboloid": "tip shape",
-}
-#: Short names and letters of what is printed most, by the path's last part or the whole path.
-_SHORT = {
-    "layer.E": ("Layer modulus", "E"),
-    "layer.thickness": ("Layer thickness", "h"),
-    "layer.nu": ("Poisson's ratio", "nu"),
-    "substrate.E": ("Substrate", "E"),
-    "adhesion.work": ("Adhesion", "work"),
-    "layer.instantaneous_modulus": ("Instantaneous", "E0"),
-    "layer.equilibrium_modulus": ("Equilibrium", "E∞"),
-}
+#: What is said in a word or two, by kind and key.
+WORDS: Mapping[str, Mapping[str, Any]] = parse_toml(
+    (resources.files("underlay.report") / "templates" / "words.toml").read_text(encoding="utf-8")
+)
 
 
 def line(name: str, text: str) -> str:
@@ -195,7 +182,7 @@ def _answer_lines(answers: Iterable[Answer], verdict: Advice) -> Iterator[str]:
 
 def name_of(parameter: str) -> tuple[str, str]:
     """Return short name and letter of a parameter: ``"layer.E[1]"`` -> ``("Layer modulus 2", "E")``."""
-    short, curve = _SHORT.get(path_of(parameter)), curve_of(parameter)
+    short, curve = WORDS["numbers"].get(path_of(parameter)), curve_of(parameter)
     if short is None:
         return start(label(parameter)), _letter(parameter)
     return f"{short[0]}{'' if curve is None else f' {curve + 1}'}", short[1]
@@ -237,7 +224,7 @@ def _next_step(verdict: Advice) -> str:
 # --- a budget -----------------------------------------------------------------------------------------------
 def source_words(source: str) -> str:
     """Return the name for people of a source of uncertainty: ``"spring_constant"`` -> ``"spring constant"``."""
-    return _SOURCES.get(source) or (label(source) if "." in source else source)
+    return WORDS["sources"].get(source) or (label(source) if "." in source else source)
 
 
 def _budget_lines(known: Answer) -> Iterator[str]:

@@ -11,26 +11,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from underlay._arrays import ArrayLike, FloatArray, positive
+from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError
-from underlay.mechanics.body import RIGID, Base, Body, Layer, stacked
-from underlay.mechanics.contact import Adhesion, Contact
+from underlay.mechanics.body import RIGID, Layer, stacked
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepancy import finite_strain_excess, why_unmeasured
-from underlay.mechanics.indenters import Indenter, Sphere
-from underlay.mechanics.response import History
+from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import replace_values
-from underlay.scene.instrument import Instrument
 
-#: A function that finds one effect, from a scene and the law of its contact.
-EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
 # Duration of a ramp over a^2/c (a the contact radius, c the consolidation coefficient) in which most of the water
 # stays.
 _QUICK = 0.1
@@ -45,78 +40,10 @@ _LONG = 0.2
 _ROUNDING = 1e3 * np.finfo(float).eps
 
 
-@runtime_checkable
-class Drains(Protocol):
-    """A material whose pore pressure equilibrates over a length (m) in a time (s)."""
-
-    def drainage_time(self, length: float) -> float:
-        """Time (s) in which it equilibrates over a length (m)."""
-
-
-class Simulated(Protocol):
-    """Interface of a scene as the list of effects uses it: its parts, its law and its force. `Scene` has it."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def indenter(self) -> Indenter:
-        """The tip."""
-
-    @property
-    def layer(self) -> Layer:
-        """The top layer, which is indented."""
-
-    @property
-    def substrate(self) -> Body | None:
-        """The layers and the half-space under the top layer; None for a half-space of the layer."""
-
-    @property
-    def layers(self) -> tuple[Layer, ...]:
-        """Every layer, from the top down."""
-
-    @property
-    def base(self) -> Base | None:
-        """The half-space under all layers."""
-
-    @property
-    def drainage(self) -> str | None:
-        """Whether the tip lets water through: "solid", "porous" or "unknown"; None without pore water."""
-
-    @property
-    def instrument(self) -> Instrument:
-        """The instrument that reads depth and force."""
-
-    @property
-    def history(self) -> History | None:
-        """A time-dependent model of the sample besides relaxation and drainage of its layer; None without one."""
-
-    @property
-    def adhesion(self) -> Adhesion | None:
-        """The adhesion between tip and surface, or None."""
-
-    @property
-    def friction(self) -> str:
-        """Friction under the tip: "none", "stuck" or "unknown"."""
-
-    @property
-    def contact(self) -> Contact:
-        """Indenter and body, as a solver takes them."""
-
-    @property
-    def elastic(self) -> Simulated:
-        """The scene without relaxation and drainage."""
-
-    @property
-    def ages(self) -> bool:
-        """Whether the layer relaxes on an elastic base."""
-
-    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
-        """Law of its contact up to `max_depth` (m)."""
-
-    def force(
-        self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
-    ) -> FloatArray:
-        """Force reading (N) at depth readings (m)."""
+#: A function that finds one effect, from a scene and the law of its contact.
+EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
+#: A scene, its parts and its force, by the interface of `Scene`, which calls this module and so stands above it.
+Simulated: TypeAlias = Any
 
 
 @dataclass(frozen=True)
@@ -394,7 +321,7 @@ def _drainage_effects(given: Simulated, level: Simulated, law: ContactLaw) -> li
     depth.
     """
     material = given.layer.material
-    if not isinstance(material, Drains):
+    if not material.drains:
         return []
     radius = float(given.indenter.halfspace_radius(np.array([law.max_depth]))[0])
     ramp = _QUICK * material.drainage_time(radius)
@@ -521,9 +448,9 @@ def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
         return np.full(depth.shape, np.nan)
     if effect.duration is not None:
         along, clock = _ramp(effect, float(depth.max()))
-        sizes = effect.with_it.force(along, clock, solver=solver)[1:]
-        sizes = sizes / effect.without.force(along, solver=solver)[1:] - 1.0
-        return np.interp(depth, along[1:] - along[0], sizes)
+        with_it = effect.with_it.force(along, clock, solver=solver)[1:]
+        sizes = with_it / effect.without.force(along, solver=solver)[1:] - 1.0
+        return np.asarray(np.interp(depth, along[1:] - along[0], sizes))
     readings = depth + effect.with_it.instrument.contact_depth
     with_it = effect.with_it.force(readings, solver=solver)
     change = np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)

@@ -8,8 +8,10 @@ declared once (`underlay.quantities`).
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from importlib.resources import files
 
+from underlay._door import parse_toml
 from underlay.errors import ParameterError
 from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.body import Stack
@@ -17,40 +19,13 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
 from underlay.mechanics.stiffening.law import Gent
-from underlay.quantities import Part, declared, kind_of
+from underlay.quantities import declared, kind_of
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
 
 __all__ = ["DECLARING", "declared", "fields_meant", "hint", "kind_of", "unknown_parameter"]
 
-# Fields, and names for them from papers and instruments, in lower case without spaces or underscores.
-_SYNONYMS: Mapping[str, tuple[str, ...]] = {
-    "E": ("modulus", "youngsmodulus", "youngmodulus", "young", "elasticmodulus", "emodulus"),
-    "nu": ("poisson", "poissonratio", "poissonsratio", "v"),
-    "G_axial": ("shearmodulus",),
-    "thickness": ("h", "height", "t"),
-    "radius": ("r", "tipradius", "diameter"),
-    "half_angle": ("angle", "openingangle"),
-    "compliance": ("springconstant", "cantileverstiffness", "framestiffness", "framecompliance"),
-    "contact_depth": ("contactpoint", "zero"),
-    "baseline": ("offset", "forceoffset"),
-    "baseline_slope": ("tilt",),
-    "shape": ("type", "geometry"),
-    "min": ("lower", "low"),
-    "max": ("upper", "high"),
-    "sd": ("std", "sigma"),
-    "force": ("sigma", "rms", "white"),
-    "rtol": ("tolerance", "accuracy"),
-    "method": ("law",),
-}
-# How the number has to be converted for that name, in words.
-_CHANGES = {
-    "diameter": "half of it",
-    "openingangle": "half of it, from the axis",
-    "springconstant": "its inverse",
-    "cantileverstiffness": "its inverse",
-    "framestiffness": "its inverse",
-}
+_SYNONYMS = parse_toml((files("underlay.scene") / "synonyms.toml").read_text(encoding="utf-8"))
 
 
 def fields_meant(name: str, allowed: Iterable[str]) -> tuple[str, ...]:
@@ -58,7 +33,7 @@ def fields_meant(name: str, allowed: Iterable[str]) -> tuple[str, ...]:
     fields = tuple(allowed)
     word = _plain(name)
     same = tuple(field for field in fields if _plain(field) == word)
-    known = tuple(field for field, names in _SYNONYMS.items() if word in names and field in fields)
+    known = tuple(field for field, names in _SYNONYMS["names"].items() if word in names and field in fields)
     by_word = {_plain(field): field for field in fields}
     near = difflib.get_close_matches(word, by_word, n=1)
     return same or known or tuple(by_word[match] for match in near)
@@ -77,7 +52,7 @@ def hint(name: str, allowed: Iterable[str]) -> str:
     meant = fields_meant(name, allowed)
     if not meant:
         return ""
-    change = _CHANGES.get(_plain(name), "")
+    change = _SYNONYMS["changes"].get(_plain(name), "")
     return f"; did you mean {meant[0]}{f' ({change})' if change else ''}?"
 
 
@@ -87,17 +62,7 @@ def _plain(name: str) -> str:
 
 #: Classes that declare the numbers of a test. The declaration of a path is known once its class is loaded, which
 #: importing this module ensures.
-DECLARING: tuple[type[Part], ...] = (
-    Indenter,
-    Profile,
-    Isotropic,
-    TransverselyIsotropic,
-    Stack,
-    Adhesion,
-    Gent,
-    Instrument,
-    Noise,
-)
+DECLARING = (Indenter, Profile, Isotropic, TransverselyIsotropic, Stack, Adhesion, Gent, Instrument, Noise)
 
 
 def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:

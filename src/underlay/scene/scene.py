@@ -48,6 +48,10 @@ _PARTS: Mapping[str, tuple[Any, str]] = {
 }
 # First and largest depth (m) of the law that is tried for a given force, and the largest factor between two tries.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
+# Of a layer that relaxes on an elastic base: the largest tolerance of the laws of a punch, whose relaxation is
+# exact (a rational function is fitted to them to 1e-8), and the share of the quasi-elastic error that the elastic
+# laws may add.
+_FINE, _SHARE = 1e-9, 0.1
 
 
 @dataclass(frozen=True)
@@ -281,13 +285,46 @@ class Scene:
         return elastic.with_values(moduli)
 
     def _aged(self, law: ContactLaw, solver: Solver, depth: FloatArray, time: ArrayLike | None) -> Response:
-        """Force response of a layer that relaxes on an elastic base, for depths since contact (m) at times (s)."""
-        relaxation = self.layer.relaxation
+        """Force response of a layer that relaxes on an elastic base, for depths since contact (m) at times (s).
+
+        It is exact for a punch, whose contact radius is constant, else quasi-elastic. `law` is that of the contact
+        without relaxation.
+
+        Raises
+        ------
+        InputError
+            If the error of the quasi-elastic force exceeds the solver's tolerance.
+        """
+        from underlay.mechanics.viscoelastic import elastic_base  # noqa: PLC0415  see `memory`
+        from underlay.mechanics.viscoelastic.history import Viscoelastic  # noqa: PLC0415  see `memory`
+
+        relaxation, clock = self.layer.relaxation, checked_times(time, depth)
         if relaxation is None:
             return law
-        from underlay.scene.ageing import ageing_response  # noqa: PLC0415  see `memory`
+        reach = law.max_depth if np.isfinite(law.max_depth) else max(float(depth.max()), 1e-9)
+        if self.indenter.has_edge:
+            solver = solver.with_tolerance(min(solver.tolerance, _FINE))
+            modes = relaxation.modes(float(np.diff(clock).min()), float(clock[-1] - clock[0]))
+            whole = modes.constant + float(modes.weights.sum())
 
-        return ageing_response(self, relaxation, law, solver, depth, checked_times(time, depth))
+            def stiffness(share: float) -> float:
+                softened = self.softened(share * whole).contact_law(reach, solver=solver)
+                return float(softened.stiffness(0.5 * reach))
+
+            ratios = type(modes)(modes.constant / whole, modes.weights / whole, modes.times)
+            punch = elastic_base.punch_relaxation(stiffness, ratios)
+            return Remembered(self.softened(whole).contact_law(reach, solver=solver), Viscoelastic(punch))
+        error = elastic_base.stated_error(relaxation, clock, depth)
+        if solver.tolerance < error:
+            raise InputError(
+                "a layer that relaxes on an elastic base is simulated by the moduli of the moment, which here may "
+                f"be up to {100.0 * error:.2g} % too low: ask for a tolerance (rtol) of {error:g} or more to "
+                "accept that; a base 1000 times stiffer, a rigid one, none at all, or a flat punch is exact"
+            )
+        coarse = solver.with_tolerance(min(solver.tolerance, _SHARE * error))
+        return elastic_base.QuasiElastic(
+            lambda share: self.softened(share).contact_law(reach, solver=coarse), relaxation, reach
+        )
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -95,7 +95,7 @@ from underlay.scene.scene_keys import (
     keys_of,
     read_table,
 )
-from underlay.scene.uncertainties import rows_of, split_uncertainties
+from underlay.scene.uncertainties import leaves, rows_of, split_uncertainties
 
 # Placeholder for a length that only the file of a curve gives; never computed with.
 _STAND_IN = "1 m"
@@ -381,17 +381,9 @@ def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _require_filled_in(document: Mapping[str, Any]) -> None:
     """Raise InputError for a starter scene with unfilled entries, naming all of them at once."""
-    empty = list(_places(document, ""))
+    empty = [path for path, value in leaves(document) if isinstance(value, str) and PLACE in value]
     if empty:
         raise InputError(f"not filled in yet: {', '.join(empty)}; replace {PLACE} by what you know")
-
-
-def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
-    for name, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _places(value, f"{above}{name}.")
-        elif isinstance(value, str) and PLACE in value:
-            yield f"{above}{name}"
 
 
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
@@ -421,8 +413,8 @@ def _scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene
         layer=_layer("layer", _table_of(document, "layer")),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table_of(document, "instrument")),
-        history=_chosen(History, "history", document),
-        adhesion=_chosen(Adhesion, "adhesion", document),
+        history=_given(History, "history", document),
+        adhesion=_given(Adhesion, "adhesion", document),
         lever=_given(Lever, "lever", document),
         discrepancy=_given(Discrepancy, "discrepancy", document),
         **_words(document),
@@ -477,7 +469,7 @@ def _layer(section: str, table: dict[str, Any]) -> Layer:
     bond = _bond(section, table.pop("bond", "bonded"))
     on_top = section == "layer"
     effects = {
-        name: _effect(family, f"layer.{name}", table.pop(name))
+        name: _given(family, f"layer.{name}", {f"layer.{name}": table.pop(name)})
         for name, family in _EFFECTS.items()
         if on_top and name in table
     }
@@ -487,13 +479,6 @@ def _layer(section: str, table: dict[str, Any]) -> Layer:
     numbers = read_table(section, keys, table, besides=("bond", *_EFFECTS))
     sized = {name: numbers.pop(name) for name in sizes if name in numbers}
     return Layer(_made(kind, section, numbers), bond=bond, **sized, **effects)
-
-
-def _effect(family: type[Part], section: str, given: Any) -> Any:
-    if not isinstance(given, Mapping):
-        raise InputError(f"[{section}] must be a section, not {given!r}")
-    table = dict(given)
-    return _build(_named(family, section, table), section, table)
 
 
 def _bond(section: str, given: Any) -> Bond:
@@ -551,9 +536,7 @@ def _base(table: dict[str, Any]) -> Base:
 def _noise_of(document: Mapping[str, Any]) -> NoiseModel | None:
     """Return the noise model of ``[noise]``; None where there is nothing in it."""
     table = {"model": Noise.model, **_table_of(document, "noise")}
-    if table.keys() == {"model"}:
-        return None
-    noise: NoiseModel = _build(_named(NoiseModel, "noise", table), "noise", table)
+    noise: NoiseModel | None = _given(NoiseModel, "noise", {} if len(table) == 1 else {"noise": table})
     return noise
 
 
@@ -570,17 +553,12 @@ def _solver_of(document: Mapping[str, Any]) -> Solver:
     return solver
 
 
-def _given(kind: type[Any], name: str, document: Mapping[str, Any]) -> Any:
-    """An object of class `kind` from its section; None without the section."""
-    return _build(kind, name, _table_of(document, name)) if name in document else None
-
-
-def _chosen(family: type[Part], name: str, document: Mapping[str, Any]) -> Any:
-    """An object of the class that a section's ``model`` names; None without the section."""
-    if name not in document:
+def _given(family: type[Part], section: str, document: Mapping[str, Any]) -> Any:
+    """A part from its section, of the kind that its ``model`` names where there are several; None without it."""
+    if section not in document:
         return None
-    table = _table_of(document, name)
-    return _build(_named(family, name, table), name, table)
+    table = _table_of(document, section)
+    return _build(_named(family, section, table) if family.chosen_by else family, section, table)
 
 
 def _named(family: type[Part], section: str, table: dict[str, Any]) -> type[Any]:

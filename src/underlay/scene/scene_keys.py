@@ -16,11 +16,13 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from underlay._arrays import physical_length
+from underlay._door import parse_toml
 from underlay.errors import InputError
 from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.biphasic.material import Biphasic, BiphasicTransverse
@@ -48,25 +50,11 @@ _OVERRULED = [
     *("calibration.spring_constant", "calibration.sensitivity", "imprint"),
 ]
 _PRIORS = ("uniform", "loguniform", "normal", "lognormal", "halfnormal", "found")
-_OF_ITS_KIND = {
-    "min": "lower bound",
-    "max": "upper bound",
-    "mean": "of a normal prior",
-    "sd": "standard deviation of a normal or half-normal prior",
-    "median": "of a lognormal prior",
-}
+_OF_ITS_KIND = ("min", "max", "mean", "sd", "median")
 #: Heading of the keys that stand before any section.
 TOP = "top of the file"
-#: Entries on how well inputs are known, at 95 %: values and meaning.
-_UNCERTAINTIES = {
-    "PATH": (
-        'in its unit, "2 %" or exact',
-        'of a number of the test; the same may stand beside it: "1 mm +- 0.02 mm", "1 mm ± 2 %", "1 mm exact"',
-    ),
-    "force": ('a share, "2 %"', "of the scale of the force"),
-    "depth": ('a share, "1 %"', "of the scale of the depth"),
-    "spring_constant": ('a share, "10 %"', "of the lever's spring constant"),
-}
+# What keys mean that no docstring describes.
+_SAID = parse_toml((files("underlay.scene") / "keys.toml").read_text(encoding="utf-8"))
 _AXIAL = " (transversely isotropic)"
 
 
@@ -96,15 +84,12 @@ class Key:
         `Mark`; text, a switch, a table of texts.
     default : object
         Its value where a file leaves it out; an ellipsis where it must be given.
-    meaning : str
-        A sentence for people; empty where a docstring has it.
     several : bool
         Whether its value is a list of numbers.
     """
 
     takes: Any
     default: Any = ...
-    meaning: str = ""
     several: bool = False
 
     def read(self, value: Any) -> Any:
@@ -165,10 +150,11 @@ class Key:
         return self.text
 
     def listed(self, section: str, name: str, meaning: str = "") -> SceneKey:
-        """The key as a row of the list of all keys."""
+        """The key as a row of the list of all keys; `meaning`: by its docstring, else as ``keys.toml`` says."""
+        meaning = meaning or _SAID["meanings"][f"{section}.{name}"]
         kind = self.takes.kind if isinstance(self.takes, Quantity) else ""
         words = self.takes if isinstance(self.takes, tuple) else ()
-        return SceneKey(section, name, self.text, _shown(self.default), self.meaning or meaning, kind, words)
+        return SceneKey(section, name, self.text, _shown(self.default), meaning, kind, words)
 
 
 def _amount(value: Any, known: Quantity) -> Any:
@@ -328,9 +314,9 @@ class CurveSection:
 def fit_keys(kind: str) -> dict[str, Key]:
     """The keys of one entry of ``[fit]``, for a parameter of the given physical kind."""
     return {
-        "prior": Key(_PRIORS, None, "density of what is known before; bounds alone are a flat one"),
-        "relative_sd": Key(Quantity("dimensionless"), None, "of a lognormal prior, as a share of the median"),
-        **{name: Key(Quantity(kind), None, meaning) for name, meaning in _OF_ITS_KIND.items()},
+        "prior": Key(_PRIORS, None),
+        "relative_sd": Key(Quantity("dimensionless"), None),
+        **{name: Key(Quantity(kind), None) for name in _OF_ITS_KIND},
     }
 
 
@@ -369,63 +355,47 @@ def scene_keys() -> list[SceneKey]:
 
 
 def _all() -> Iterator[SceneKey]:
-    yield SceneKey(TOP, "title", "text", "none", "what reports call the test")
-    friction = "under the tip: unknown friction widens the second interval; stuck is solved exactly"
-    yield Key(tuple(FRICTIONS), FRICTIONS[0], friction).listed(TOP, "friction")
-    strain = "false: strains are small; unknown or true widens the second interval where its size is known"
-    yield Key(bool, "unknown", strain).listed(TOP, "finite_strain")._replace(words=("true", "false"))
-    drains = "of a layer with a permeability: whether water leaves through the tip; unknown: a fit spans both"
-    yield Key(tuple(TIP_DRAINAGES), "none", drains).listed(TOP, "drainage")
-    known = "how well the inputs are known: [uncertainties]; none takes all for exact"
-    yield SceneKey(TOP, "uncertainties", '"none", or a section', "sizes that are assumed", known)
-    usual = 'numbers of this test that nobody measured, such as ["layer.nu"]; results mark them'
-    yield SceneKey(TOP, "assumed", "a list of paths", "none", usual)
-    shapes = (*_own(Indenter), *EQUIVALENT_CONES)
-    yield from _family(
-        Indenter, "indenter", "the tip; what else it needs is listed by shape", words=sorted(shapes)
-    )
-    holds = "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs"
-    yield from _of_layer("layer", holds)
+    yield Key(str, None).listed(TOP, "title")
+    yield Key(tuple(FRICTIONS), FRICTIONS[0]).listed(TOP, "friction")
+    yield Key(bool, "unknown").listed(TOP, "finite_strain")._replace(words=("true", "false"))
+    yield Key(tuple(TIP_DRAINAGES), "none").listed(TOP, "drainage")
+    known = Key(str, "sizes that are assumed").listed(TOP, "uncertainties")
+    yield known._replace(takes='"none", or a section')
+    yield Key(str, None).listed(TOP, "assumed")._replace(takes="a list of paths")
+    yield from _family(Indenter, "indenter", words=sorted((*_own(Indenter), *EQUIVALENT_CONES)))
+    yield from _of_layer("layer")
     for key in _of_class(Biphasic, "layer", seen=("E", "nu")):
         yield key._replace(default="none")
     yield from _of_class(
         BiphasicTransverse, "layer", _AXIAL, (*keys_of(TransverselyIsotropic), "permeability")
     )
-    relaxing = "how the modulus falls with time; without the section the layer is elastic"
-    yield from _family(Relaxation, "layer.relaxation", relaxing, seen=("relaxes",))
-    both = "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5"
-    yield Key(RELAXES, RELAXES[0], both).listed("layer.relaxation", "relaxes")
-    hardens = "how the layer stiffens; without the section its law is that of small strains"
-    yield from _family(Stiffening, Stiffening.section, hardens)
-    free = "of a sample with free sides, about the tip; without it, it has none"
-    yield keys_of(Layer)["half_width"].listed("layer", "half_width", free)
-    yield keys_of(Layer)["shape"].listed(
-        "layer", "shape", "round or square; or ignored, and a fit warns where it matters"
-    )
-    yield from _of_layer("substrate.layers", "the same of this layer; further layers stand from the top down")
-    stiff = "true for a base that does not deform, in place of its moduli"
-    yield Key(bool, "false", stiff).listed("substrate", "rigid")
+    yield from _family(Relaxation, "layer.relaxation", seen=("relaxes",))
+    yield Key(RELAXES, RELAXES[0]).listed("layer.relaxation", "relaxes")
+    yield from _family(Stiffening, Stiffening.section)
+    for name in ("half_width", "shape"):
+        yield keys_of(Layer)[name].listed("layer", name)
+    yield from _of_layer("substrate.layers")
+    yield Key(bool, "false").listed("substrate", "rigid")
     yield from _of_material("substrate")
     yield from _of_class(Instrument, "instrument")
     yield from _of_class(Lever, "lever")
     yield from _of_class(Discrepancy, "discrepancy")
-    yield from _family(Adhesion, "adhesion", "how tip and surface stick; without the section they do not")
-    for name, (what, meaning) in _UNCERTAINTIES.items():
+    yield from _family(Adhesion, "adhesion")
+    for name, (what, meaning) in _SAID["uncertainties"].items():
         yield SceneKey("uncertainties", name, what, "assumed", meaning)
     yield from _of_class(Noise, "noise")
     for name, entry in fit_keys("dimensionless").items():
-        what = "a quantity of the parameter's kind" if name in _OF_ITS_KIND else entry.text
-        yield SceneKey("fit", f"PARAMETER.{name}", what, "none", entry.meaning)
+        row = entry.listed("fit", f"PARAMETER.{name}")._replace(kind="", words=())
+        yield row._replace(takes="a quantity of the parameter's kind") if name in _OF_ITS_KIND else row
     yield from _of_class(SolverSection, "solver")
     yield from _of_class(CurveSection, "curve")
     yield from _of_class(SimulatedDepths, "simulate")
 
 
-def _of_layer(section: str, bond: str) -> Iterator[SceneKey]:
+def _of_layer(section: str) -> Iterator[SceneKey]:
     yield from _of_material(section)
-    thick = "of the layer; left out, with no [substrate], for a half-space"
-    yield keys_of(Layer)["thickness"].listed(section, "thickness", thick)
-    row = Key(BONDS, BONDS[0], bond).listed(section, "bond")
+    yield keys_of(Layer)["thickness"].listed(section, "thickness")
+    row = Key(BONDS, BONDS[0]).listed(section, "bond")
     yield row._replace(takes=f"{row.takes}, or {{ {', '.join(keys_of(Spring))} }}")
 
 
@@ -435,12 +405,11 @@ def _of_material(section: str) -> Iterator[SceneKey]:
 
 
 def _family(
-    family: type[Part], section: str, meaning: str, seen: tuple[str, ...] = (), words: Sequence[str] = ()
+    family: type[Part], section: str, seen: tuple[str, ...] = (), words: Sequence[str] = ()
 ) -> Iterator[SceneKey]:
     """The key that chooses one class of a family, and the keys of each class."""
     kinds = sorted(_own(family).items())
-    chosen = tuple(words or [name for name, _ in kinds])
-    yield Key(chosen, meaning=meaning).listed(section, family.chosen_by)
+    yield Key(tuple(words or [name for name, _ in kinds])).listed(section, family.chosen_by)
     for name, kind in kinds:
         yield from _of_class(kind, section, f" ({name})", seen)
 

@@ -178,7 +178,7 @@ def rows_of(
         Paths of numbers that the file of a curve will give.
     """
     if given is None or isinstance(given, Mapping):
-        stated = {path: Stated(text, f"[uncertainties] {path}") for path, text in _leaves(given or {}, "")}
+        stated = {path: Stated(text, f"[uncertainties] {path}") for path, text in leaves(given or {})}
         twice = sorted(stated.keys() & inline.keys())
         if twice:
             raise InputError(
@@ -197,11 +197,11 @@ def rows_of(
     return "none"
 
 
-def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
-    """Values of nested keys, ``layer.E = "10 %"``, with their full paths."""
+def leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of nested keys, ``layer.E = "10 %"``, each with its full path."""
     for key, entry in table.items():
         if isinstance(entry, Mapping):
-            yield from _leaves(entry, f"{above}{key}.")
+            yield from leaves(entry, f"{above}{key}.")
         else:
             yield f"{above}{key}", entry
 
@@ -234,9 +234,8 @@ def _whole(path: str, numbers: Mapping[str, Number], left_out: tuple[str, ...]) 
 
 def written(rows: Mapping[str, float], numbers: Mapping[str, Number]) -> dict[str, str | float]:
     """Entries of a scene file's section that state these uncertainties to the last bit."""
-    return {path: _text(path, size, numbers) for path, size in rows.items()}
-
-
-def _text(path: str, size: float, numbers: Mapping[str, Number]) -> str | float:
-    unit = "" if path in RELATIVE else KINDS[numbers[path].quantity.kind].si
-    return (f"{size!r} {unit}" if unit else size) if size else _EXACT
+    found: dict[str, str | float] = {}
+    for path, size in rows.items():
+        unit = "" if path in RELATIVE else KINDS[numbers[path].quantity.kind].si
+        found[path] = (f"{size!r} {unit}" if unit else size) if size else _EXACT
+    return found

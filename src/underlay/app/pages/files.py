@@ -8,9 +8,9 @@ from typing import Any
 
 from nicegui import events, ui
 
-from underlay.app.labels import comma_problem, pairs_of
+from underlay.app.form import comma_problem, pairs_of
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step
+from underlay.app.pages.parts import Step
 from underlay.app.shown import Reading
 from underlay.data.readers import all_formats
 from underlay.errors import InputError

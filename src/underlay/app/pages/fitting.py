@@ -12,22 +12,17 @@ from functools import partial
 from nicegui import events, ui
 
 from underlay.app.folder import is_kept
+from underlay.app.form import NOTES
 from underlay.app.pages import parts
 from underlay.app.pages.outcome import Outcome
-from underlay.app.pages.step import Step, Window, Working
+from underlay.app.pages.parts import Step, Window, Working
 from underlay.app.shown import Film, Found, Law, Look
 from underlay.report.labels import labelled, start
 from underlay.report.plots.fit import Canvas
 from underlay.report.tables import amounts, span
 from underlay.units import printed
 
-_WORDS = (
-    "This curve holds the contact stiffness S(h). Where an imprint stays the curve is not elastic, but its "
-    "stiffness can be fitted: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and "
-    "substrate."
-)
 _PERFECT = "none: a perfect tip"
-_OLD = "The test was changed since: fit the stiffness again."
 _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
 # Seconds without a movement after which a handle has come to rest: longer than between two presses of a held key.
@@ -78,7 +73,7 @@ class FilmPart:
         self._window = window
         with ui.column().classes("wide") as self._whole:
             ui.label("A film by its contact stiffness").classes("heading")
-            ui.label(_WORDS).classes("quiet")
+            ui.label(NOTES["film"]).classes("quiet")
             with ui.row().classes("fields"):
                 base = ui.select([_PERFECT], value=_PERFECT, label="Same tip on a known sample")
                 self._base = parts.outlined(base, "film-base")
@@ -120,7 +115,7 @@ class FilmPart:
         self._place.clear()
         with self._place:
             if is_old:
-                ui.label(_OLD).classes("note")
+                ui.label(NOTES["old-film"]).classes("note")
             parts.table(film.table)
             parts.message_list(film.notes, "more")
             content = self._window.analysis.folder.read_result(film.picture)
@@ -189,10 +184,7 @@ class FitStep(Step):
                 self._picture.on("pointermove", self._dragged, js_handler=_MOVE, throttle=_EACH)
                 self._picture.on("wheel", self._wheel, js_handler=_WHEEL, throttle=_EACH)
                 self._picture.on("dblclick", lambda: self._zoom(0.0))
-                ui.label(
-                    "Drag the handles: green is the contact point, grey the ends of the fitted range. "
-                    "The wheel zooms, dragging elsewhere moves what is seen."
-                ).classes("quiet")
+                ui.label(NOTES["handles"]).classes("quiet")
                 with ui.row().classes("slide"):
                     ui.label("Contact").classes("slide-name")
                     self._contact_slide = ui.slider(min=0, max=_STEPS, step=1, on_change=self._slid)

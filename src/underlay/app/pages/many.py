@@ -13,23 +13,15 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import events, ui
 
-from underlay.app.labels import LABELS, curves_on_sample
+from underlay.app.folder import LABELS, curves_on_sample
+from underlay.app.form import NOTES
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step, Window, Working
+from underlay.app.pages.parts import Step, Window, Working
 from underlay.app.shown import Gallery, Overview, Together
 from underlay.report.plots.fit import Canvas
 from underlay.report.review import Card
 
 _NONE = "none"
-_OLD = "Curves were fitted or decided on since: press Mean and spread again."
-_HEIGHTS = (
-    "For maps with some curves beside the sample, on the bare substrate: the tip met it deeper, by the thickness. "
-    "All curves must count depth from one zero."
-)
-_CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
-_MANY_OLD = (
-    "Curves, labels or test changed since this fit: fit all curves again. What you left out stays out."
-)
 
 
 class GalleryPart:
@@ -64,7 +56,7 @@ class GalleryPart:
             return
         with self._head:
             ui.label("Curves, worst first").classes("heading")
-            ui.label("grey: measured; blue: fit; dashed: contact point; below: residuals").classes("quiet")
+            ui.label(NOTES["gallery"]).classes("quiet")
             ui.space()
             if gallery.pages > 1:
                 pages = ui.pagination(
@@ -190,7 +182,7 @@ class PopulationPart:
         if found is not None:
             with self._place:
                 if not is_new:
-                    ui.label(_OLD).classes("note").mark("old-population")
+                    ui.label(NOTES["old-population"]).classes("note").mark("old-population")
                 parts.sheet(found.sheet)
 
     async def _show_labels(self) -> None:
@@ -265,7 +257,7 @@ class HeightPart:
     def __init__(self, window: Window, told: Callable[[], Awaitable[None]]) -> None:
         self._window, self._told = window, told
         with parts.folded("Thickness from contact heights").mark("heights"):
-            ui.label(_HEIGHTS).classes("quiet")
+            ui.label(NOTES["heights"]).classes("quiet")
             with ui.row().classes("fields"):
                 self._begins = parts.outlined(ui.input("Names on the substrate begin with"), "on-glass")
                 parts.button("Set the thickness", self._set, mark="set-heights")
@@ -381,7 +373,7 @@ class ManyStep(Step):
         with ui.row().classes("actions"):
             self._working = Working(self.window, "Fit all curves", self._go, mark="fit-all")
             self._count = ui.label().classes("quiet")
-        self._old = ui.label(_MANY_OLD).classes("note")
+        self._old = ui.label(NOTES["old-map"]).classes("note")
         self._overview = ui.column().classes("wide")
         place = ui.column().classes("wide")
         with ui.row().classes("columns"):
@@ -443,7 +435,7 @@ class ManyStep(Step):
         await self._population.name(files, "region", label)
 
     def _words(self, told: Overview) -> None:
-        self._old.set_text(_MANY_OLD if told.is_old else _CUT)
+        self._old.set_text(NOTES["old-map" if told.is_old else "cut-map"])
         self._old.set_visibility((told.is_old or not told.is_whole) and bool(told.sheet))
         self._map.set_visibility(told.plan is not None)
         self._regions.show(told)

@@ -6,12 +6,11 @@ from collections.abc import Callable
 
 from nicegui import ui
 
+from underlay.app.form import NOTES
 from underlay.app.pages import parts
-from underlay.app.pages.step import Window, Working
+from underlay.app.pages.parts import Window, Working
 from underlay.app.shown import Found
 from underlay.app.state import said
-
-_OLD = "The test, the contact point or the range was changed since: press Fit again."
 
 
 class Outcome:
@@ -31,7 +30,7 @@ class Outcome:
         self._turns, self._fitting = 0, False
         with ui.row().classes("actions") as self._actions:
             self._working = Working(window, "Fit", self._go, mark="fit", heard=self._shown)
-        self._old = ui.label(_OLD).classes("note").mark("old")
+        self._old = ui.label(NOTES["old-fit"]).classes("note").mark("old")
         self._old.set_visibility(False)
         self._place = ui.column().classes("wide outcome")
 

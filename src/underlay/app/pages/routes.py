@@ -9,14 +9,15 @@ from nicegui import events, ui
 
 from underlay._door import FileKind, read_text
 from underlay.app.folder import AnalysisFolder, analyses, described, new_analysis
+from underlay.app.form import SAMPLES
 from underlay.app.pages import parts
 from underlay.app.pages.files import FilesStep
 from underlay.app.pages.fitting import FitStep
 from underlay.app.pages.many import ManyStep
+from underlay.app.pages.parts import Step, Window
 from underlay.app.pages.scene import SceneStep
-from underlay.app.pages.step import Step, Window
 from underlay.app.pages.takeaway import TakeAwayStep
-from underlay.app.state import SAMPLES, Home, OpenAnalysis, with_sample
+from underlay.app.state import Home, OpenAnalysis, with_sample
 from underlay.report.page import style_of
 
 #: What buttons, sliders and messages are painted with.
@@ -157,7 +158,7 @@ class StartPage:
                 parts.button("New analysis", lambda: self._go(self._new()), mark="new")
                 ui.label("Or try it with sample data").classes("heading")
                 with ui.row().classes("actions"):
-                    for scene, (words, about, _) in SAMPLES.items():
+                    for scene, (words, about, *_) in SAMPLES.items():
                         show, mark = partial(self._show_sample, scene), f"sample-{scene}"
                         parts.button(
                             f"{words}\n{about}", show, "outline align=left", kind="sample", mark=mark

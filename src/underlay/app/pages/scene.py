@@ -15,18 +15,19 @@ from nicegui import ui
 from underlay.app.form import (
     ADVANCED,
     BASES,
+    NOTES,
     PRESETS,
     Draft,
     Field,
     apart,
+    comma_problem,
     draft_from,
     help_of,
     preset,
     problem_with,
 )
-from underlay.app.labels import comma_problem
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step, Window
+from underlay.app.pages.parts import Step, Window
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.report.tables import amounts
@@ -41,11 +42,6 @@ _OF_PRIOR = {"normal": ("mean", "sd"), "lognormal": ("median", "relative_sd"), "
 _ELSEWHERE = ("instrument.contact_depth",)
 # Where the bounds of a number lie that is freed without any, as shares of it.
 _WIDE = (1e-3, 1e3)
-_WORDS = (
-    'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
-    '"found" of the contact point.'
-)
-_TAKE = "A usual number that you did not enter. Press to take it for yours."
 _CHOOSES = ("shape", "model")
 # What every test says of a layer.
 _OF_A_LAYER = ("E", "nu", "thickness")
@@ -94,7 +90,7 @@ def amount(
         if assumed is not None:
             mark, confirm = assumed
             taken = ui.button("assumed", on_click=confirm, color=None).props("flat dense no-caps")
-            taken.classes("assumption").mark(mark).props["title"] = _TAKE
+            taken.classes("assumption").mark(mark).props["title"] = NOTES["assumed"]
 
     async def changed() -> None:
         said = str(entry.value or "").strip()
@@ -246,7 +242,7 @@ class SceneText:
     def __init__(self, window: Window, changed: Callable[[], Awaitable[None]]) -> None:
         self._window, self._changed = window, changed
         with parts.folded("More: the test as text"):
-            ui.label(_WORDS).classes("quiet")
+            ui.label(NOTES["text"]).classes("quiet")
             self._text = parts.helped(ui.textarea(value=window.analysis.draft.text()), "scene-text").classes(
                 "wide"
             )

@@ -7,25 +7,11 @@ from functools import partial
 from nicegui import ui
 
 from underlay.app.folder import is_kept
+from underlay.app.form import DOWNLOADS, NOTES
 from underlay.app.pages import parts
-from underlay.app.pages.step import Step, Working
+from underlay.app.pages.parts import Step, Working
 from underlay.app.shown import Found, Sampled, Taken
 
-# What can be taken: words, task, ending of the file's name.
-_OF_FIT = (
-    ("Report: one page (HTML)", "report", "report.html"),
-    ("Spreadsheet (Excel)", "excel", "xlsx"),
-    ("This analysis, to run again (ZIP, RO-Crate)", "archive", "analysis.zip"),
-)
-_OLD_FIT = (
-    "The test was changed since it was fitted. What is exported is of the test as it was then; press Fit again for "
-    "the test as it is now."
-)
-_OLD_MAP = (
-    "Files, labels or the test were changed since all curves were fitted: the table is of what was fitted, and "
-    "says with which test."
-)
-_OLD = "The test, the contact point or the range was changed since: sample again."
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
 
@@ -42,18 +28,17 @@ class TakeAwayStep(Step):
                 ui.label("This fit").classes("heading")
                 self._none = ui.label("Not fitted yet: fit this curve in step 3.").classes("quiet")
                 self._of_fit = [
-                    self._offer(words, task, ending).mark(f"take-{task}") for words, task, ending in _OF_FIT
+                    self._offer(words, task, ending).mark(f"take-{task}")
+                    for task, (words, ending) in DOWNLOADS.items()
                 ]
                 self._pictures = ui.column().classes("wide")
                 ui.label("All curves").classes("heading")
                 self._no_map = ui.label("Not fitted yet: fit all curves in step 4.").classes("quiet")
-                self._old_map = ui.label(_OLD_MAP).classes("note").mark("old-map")
+                self._old_map = ui.label(NOTES["old-map-taken"]).classes("note").mark("old-map")
                 self._of_map = self._offer("Spreadsheet of all (Excel)", "excel_of_all", "all.xlsx")
                 self._of_map.mark("take-all")
                 ui.label("Posterior").classes("heading")
-                ui.label(
-                    "How probable each combination of numbers is, given this curve; not only the best one."
-                ).classes("quiet")
+                ui.label(NOTES["posterior"]).classes("quiet")
                 self._most = ui.select(
                     {most: f"at most {most} steps ({words})" for most, words in _STEPS.items()},
                     value=20_000,
@@ -63,7 +48,7 @@ class TakeAwayStep(Step):
                 self._working = Working(self.window, "Sample", self._sample, mark="sample")
             with ui.column().classes("main"):
                 self._posterior = ui.column().classes("wide")
-                self._old = ui.label(_OLD_FIT).classes("note").mark("old-fit")
+                self._old = ui.label(NOTES["old-fit-taken"]).classes("note").mark("old-fit")
                 with parts.folded("For programmers: the test as a file, and Python that fits it"):
                     self._scene = ui.code("", language="toml").classes("wide code").mark("fitted-scene")
                     self._script = ui.code("", language="python").classes("wide code").mark("script")
@@ -125,6 +110,6 @@ class TakeAwayStep(Step):
         with self._posterior:
             ui.label("Posterior").classes("heading")
             if is_old:
-                ui.label(_OLD).classes("note").mark("old-posterior")
+                ui.label(NOTES["old-posterior"]).classes("note").mark("old-posterior")
             parts.sheet(told.sheet)
             parts.message_list(told.notes)

@@ -32,8 +32,6 @@ from underlay.data.readers.jpk import read_jpk
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import InputError
 
-__all__ = ["FORMAT"]
-
 # What opens and ends the metadata of a .tab: JSON behind "#". A row of names behind "#" and SI numbers follow.
 _TAB_MARK, _END = "# BEGIN METADATA", "# END METADATA"
 _COLUMNS = ("force", "time", "segment")

@@ -46,8 +46,6 @@ from underlay.data.readers._text import SEGMENT_OF, Lines, is_number, lines_and_
 from underlay.errors import UnitError
 from underlay.units import kind_of, parse_quantity
 
-__all__ = ["COMMENTED_NUMBERS", "FORMAT"]
-
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")

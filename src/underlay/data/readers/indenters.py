@@ -36,8 +36,6 @@ from underlay.data.segments import (
 from underlay.errors import FileFormatError
 from underlay.units import parse_quantity
 
-__all__ = ["BIOINDENTER", "FISCHER", "HYSITRON", "MACH1", "OPTICS11"]
-
 # --- Optics11 Piuma and Chiaro, all three generations
 
 

@@ -40,23 +40,15 @@ from underlay._door import opened, read_member
 from underlay.data.curve import Curve
 from underlay.data.readers._lever import Lever, lever_curve, uncalibrated
 from underlay.data.readers._source import LONGEST_HEADER, MAX_BYTES, MOST_PARTS, Source, curve_name, open_zip
-from underlay.data.readers._text import SEGMENT_OF
+from underlay.data.readers._text import SAID, SEGMENT_OF
 from underlay.errors import FileFormatError
-
-__all__ = ["JpkMapCurve", "curves_of_jpk_map", "read_jpk"]
 
 #: Entries ``lcd-info.3.channel...`` of the shared header, by ``lcd-info.3``.
 Shared: TypeAlias = Mapping[str, Mapping[str, str]]
 _GENERAL, _SHARED = "header.properties", "shared-data/header.properties"
 _SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/segment-header\.properties")
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
-_INTEGERS = {
-    "signedshort": ">i2",
-    "unsignedshort": ">u2",
-    "signedlong": ">i8",
-    "signedinteger": ">i4",
-    "unsignedinteger": ">u4",
-}
+_INTEGERS = SAID["jpk_integers"]
 _FLOATS = "float-data"
 # Where a segment says what it is, in files of different ages.
 _STYLE_KEYS = [f"force-segment-header.{at}style" for at in ("settings.segment-settings.", "settings.", "")]

@@ -48,11 +48,8 @@ from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, declared, library
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._source import CURVES, MAX_BYTES, MOST_PARTS, Source, finite
-from underlay.data.readers._text import si_factor
+from underlay.data.readers._text import SAID, si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
-
-__all__ = ["ASYLUM", "NANOSURF", "PARK"]
-
 
 # --- Asylum
 
@@ -64,13 +61,6 @@ _NOTE = b"SpringConstant"
 _CLAIMS, _HEADERS = "4x13i20xi52x4i", 384
 _IBW_HEIGHTS = ("ZSnsr", "ZSensor", "LVDT", "Raw", "ZPiezo", "Height")
 _IBW_DEFL, _SPRING = ("Defl", "Deflection"), _NOTE.decode()
-_IBW_ABOUT = {
-    "instrument": "MicroscopeModel",
-    "software version": "Version",
-    "date": "Date",
-    "time": "Time",
-    "imaging mode": "ImagingMode",
-}
 
 
 def _read_asylum(source: Source, options: Options) -> list[Curve]:
@@ -106,7 +96,7 @@ def _read_asylum(source: Source, options: Options) -> list[Curve]:
         channel=channels[0],
         time=time,
         segment=segments_from_motion(travel, time) if known.all() else None,
-        header={name: note.get(key, "") for name, key in _IBW_ABOUT.items()},
+        header={name: note.get(key, "") for name, key in SAID["formats"]["asylum"]["about"].items()},
         sign_rules={"segment": "from the motion of the height"},
         **more,
     )

@@ -41,8 +41,6 @@ from underlay.data.readers._text import si_factor
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
 
-__all__ = ["FORMAT"]
-
 _END = b"\\*File list end"
 _WIDE_SINCE = 0x09200000
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"

@@ -33,8 +33,6 @@ from underlay.data.readers._table import Table, table_curves
 from underlay.data.readers._text import Arrays, decode
 from underlay.errors import FileFormatError
 
-__all__ = ["HDF5_FORMAT", "JSON_FORMAT", "MATLAB_FORMAT", "TDMS_FORMAT"]
-
 # MAT-file format (MathWorks, "MAT-File Format", level 5): types of elements, and classes of arrays.
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _FIRST_NUMBER, _LAST_NUMBER = 2, 6, 15

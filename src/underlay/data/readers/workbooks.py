@@ -47,11 +47,9 @@ from underlay.data.readers._format import (
 from underlay.data.readers._names import Row, find_names, is_same_unit_row, layout_of, serves, units_above
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip
 from underlay.data.readers._table import Table, is_marker, marked, table_curves
-from underlay.data.readers._text import is_number
+from underlay.data.readers._text import SAID, is_number
 from underlay.errors import FileFormatError, MissingExtraError
 from underlay.units import format_quantity, kind_of
-
-__all__ = ["EXCEL", "NANOSUITE", "OLE_MAGIC", "TESTXPERT", "Sheet", "sheets_of"]
 
 #: First bytes of a compound file, the container of .xls.
 OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
@@ -337,10 +335,9 @@ NANOSUITE = TextFormat(
 
 
 _SPECIMEN = channels_of("testxpert")
-_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
-# Beside the parameters stand results, or specimens alone, with names of columns such as these.
-_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
-_TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
+_PARAMETER_SHEETS, _RESULT_SHEETS, _TEST_COLUMNS = (
+    SAID["formats"]["testxpert"][name] for name in ("parameter_sheets", "result_sheets", "test_columns")
+)
 
 
 def _is_testxpert(source: Source) -> bool:

@@ -5,13 +5,13 @@ from .accuracy import (
     posterior_cost as posterior_cost,
     what_accuracy_costs as what_accuracy_costs,
 )
-from .adhesion import adhesion as adhesion
+from .depths import adhesion as adhesion
 from .map import boxes as boxes
 from .design import budget as budget
 from .posterior import corner as corner
 from .design import correlations as correlations
 from .scene import effects as effects
-from .pointwise import film as film
+from .depths import film as film
 from .fit import (
     fit as fit,
     fit_in_time as fit_in_time,
@@ -22,7 +22,7 @@ from .design import identifiability as identifiability
 from .fit import laws as laws
 from .map import map as map  # noqa: A004  the public name
 from .design import plan as plan
-from .pointwise import pointwise_modulus as pointwise_modulus
+from .depths import pointwise_modulus as pointwise_modulus
 from .map import population as population
 from .posterior import predictive as predictive
 from .posterior import profile as profile

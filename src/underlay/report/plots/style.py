@@ -55,34 +55,12 @@ PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
 SEQUENTIAL = "cividis"
 
 # Any: the names of all settings differ between versions of matplotlib.
-_STYLE: Any = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],
-    "font.size": 8.0,
-    "axes.titlesize": 8.5,
-    "axes.labelsize": 8.0,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "axes.edgecolor": SOFT,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    # The shorter ticks between decades, where they are labelled: as far out as those of the decades.
-    "xtick.minor.pad": 5.0,
-    "ytick.minor.pad": 5.0,
-    "legend.fontsize": 7.0,
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "lines.linewidth": 1.4,
-    "figure.dpi": 110,
-    "savefig.dpi": 200,
-    "svg.fonttype": "none",
-    "pdf.fonttype": 42,
-    "axes.prop_cycle": cycler(color=list(CYCLE)),
-}
+_STYLE: Any = mpl.rc_params_from_file(
+    Path(__file__).with_name("underlay.mplstyle"), use_default_template=False
+)
+_STYLE |= dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), SOFT)
+_STYLE |= dict.fromkeys(("xtick.labelcolor", "ytick.labelcolor"), INK)
+_STYLE |= {"axes.prop_cycle": cycler(color=list(CYCLE))}
 _FORMATS = {"png", "svg", "pdf"}
 # What a picture says of who made it and when, and names of groups that nothing refers to.
 _PREAMBLE = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
