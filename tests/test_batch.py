@@ -101,6 +101,43 @@ def test_every_number_is_that_of_a_single_fit(curves, manifest, serial):
         assert row["rms"] == pytest.approx(np.sqrt(np.mean(single.residuals[0] ** 2)), rel=1e-4)
 
 
+def test_without_answers_a_row_has_the_same_values_and_the_errors_of_the_fit(curves, manifest, serial):
+    quick = run(curves[:3], manifest[:3], answers=False)
+    for path in FREE:
+        np.testing.assert_array_equal(quick[path], serial[path][:3])
+    for index, row in quick.iterrows():
+        scene = SCENE.with_values({"layer.thickness": manifest[index]["layer.thickness"]})
+        single = ul.fit(ul.Problem(scene, curves[index], FREE, solver=SOLVER))
+        for path in FREE:
+            assert row[f"{path}.stderr"] == pytest.approx(single.stderr[path], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("scene", "own"),
+    [
+        (SCENE, {"layer.nu": 0.3}),
+        (ul.Scene(ul.Sphere(5e-4), SCENE.layer, ul.RIGID), {"layer.nu": 0.3}),
+        (ul.Scene(ul.Paraboloid(5e-4), SCENE.layer, ul.Isotropic(3e5, 0.3)), {"layer.nu": 0.3}),
+        (ul.Scene(ul.Sphere(5e-4), SCENE.layer, ul.Isotropic(1e7, 0.3)), {"layer.nu": 0.3}),
+        # The buried layer stays as thick.
+        (
+            ul.Scene(ul.Paraboloid(5e-4), SCENE.layer, ul.Stack([SCENE.layer], ul.Isotropic(1e7, 0.3))),
+            {"layer.thickness": 5e-4},
+        ),
+    ],
+)
+def test_a_row_with_a_number_of_its_own_is_that_of_a_map_of_it(scene, own):
+    there = scene.with_values(own)
+    depth = np.linspace(-3e-5, 6e-5, 200)
+    curve = ul.synthesize(there, depth, ul.Noise(force=2e-4 * there.force(6e-5)), rng=3)
+    with_own, plain = (
+        ul.fit_many([curve], start, FREE, manifest, workers=0)
+        for start, manifest in ((scene, [{"file": "curve 0", **own}]), (there, None))
+    )
+    for path in FREE:
+        assert with_own[path][0] == pytest.approx(plain[path][0], rel=1e-9)
+
+
 def test_any_number_of_workers_gives_the_same_bits(curves, manifest, serial):
     pd.testing.assert_frame_equal(
         numbers(run(curves, manifest, workers=2)), numbers(serial), check_exact=True
