@@ -44,7 +44,7 @@ HOMES = {
     "typer": ("cli",),
     "nicegui": ("app/server", "app/pages"),
     "starlette": ("app/security",),
-    "rich": ("cli", "inference/sampling/run", "inference/batch/model"),
+    "rich": ("cli", "inference/progress", "inference/sampling/run", "inference/batch/fit_many"),
 }
 
 

@@ -15,18 +15,19 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from rich.progress import BarColumn, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
 from underlay._files import require_writable_folder
 from underlay.errors import InputError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.decisions import DECISIONS
-from underlay.inference.batch.journal import Journal, PassingRows
+from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.batch.model import (
     BatchModel,
     MapOptions,
-    MapProgress,
     Reporter,
     batch_model,
     scene_file_of,
@@ -36,6 +37,7 @@ from underlay.inference.batch.results_table import Layout, require_format, to_fr
 from underlay.inference.batch.work import CurveFitter, Rows, file_hash
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import Given
+from underlay.inference.progress import ProgressLine
 from underlay.inference.sampling.derived import ADHESIVE
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
@@ -155,10 +157,9 @@ def fit_many(
         answers=model.answers,
     )
     table = None if output is None else _require_table(output)
-    kept: Journal | PassingRows = (
-        PassingRows() if table is None else _journal(table, _identity(model, places, layout), layout, options)
-    )
-    with kept as journal:
+    path = None if table is None else table.with_name(f"{table.name}.journal")
+    identity = _identity(model, places, layout)
+    with Journal(path, identity, layout.is_row, resume=options.resume) as journal:
         _require_same_files(journal, places, layout)
         todo = [place for place in places if not journal.has(place.index)]
         if todo:
@@ -170,12 +171,7 @@ def fit_many(
         return to_frame(layout, journal.lines())
 
 
-def _journal(table: Path, identity: Mapping[str, Any], layout: Layout, options: MapOptions) -> Journal:
-    path = table.with_name(f"{table.name}.journal")
-    return Journal(path, identity, layout.is_row, resume=options.resume)
-
-
-def _require_same_files(journal: Journal | PassingRows, places: Sequence[CurvePlace], layout: Layout) -> None:
+def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: Layout) -> None:
     """Raise InputError where the file of a finished curve has changed since its row was written."""
     done = (place for place in places if journal.has(place.index))
     for place, line in zip(done, journal.lines(), strict=True):
@@ -185,8 +181,17 @@ def _require_same_files(journal: Journal | PassingRows, places: Sequence[CurvePl
             )
 
 
+class _Speed(ProgressColumn):
+    """Column of the progress line: curves per second."""
+
+    def render(self, task: Task) -> Text:
+        """Write the speed of a task; called by rich."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.3g} curves/s")
+
+
 def _gather(
-    journal: Journal | PassingRows,
+    journal: Journal,
     table: Path | None,
     layout: Layout,
     batches: Generator[Rows, None, None],
@@ -197,9 +202,17 @@ def _gather(
     """Append rows to the journal as they come, and write the table from time to time and at any exit."""
     last, pause = time.monotonic(), _EVERY
     try:
-        with MapProgress(total, journal.done, shown=shown) as line:
+        columns = (
+            TextColumn("fitting"),
+            BarColumn(),
+            TextColumn("{task.completed} of {task.total} curves"),
+            _Speed(),
+            TimeRemainingColumn(),
+        )
+        with ProgressLine(*columns, shown=shown, total=total, completed=journal.done) as line:
             for rows in batches:
-                line.advance(journal.append(rows))
+                journal.append(rows)
+                line.show(journal.done, total, completed=journal.done)
                 now = time.monotonic()
                 if table is not None and now - last > pause:
                     journal.sync()
@@ -214,7 +227,7 @@ def _gather(
         raise
 
 
-def _leave_a_table(journal: Journal | PassingRows, table: Path, layout: Layout) -> None:
+def _leave_a_table(journal: Journal, table: Path, layout: Layout) -> None:
     try:
         write_table(table, layout, journal.lines())
     except OSError:

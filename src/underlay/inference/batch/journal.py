@@ -34,48 +34,13 @@ _LONGEST = 1_000_000
 _ENDINGS = ("", "-wal", "-shm", "-journal")
 
 
-class PassingRows:
-    """Rows of a map without an output: the interface of `Journal`, in memory only."""
-
-    def __init__(self) -> None:
-        self._lines: dict[int, str] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        pass
-
-    @property
-    def done(self) -> int:
-        """Number of rows there are."""
-        return len(self._lines)
-
-    def has(self, index: int) -> bool:
-        """Whether the row of the curve with this index is there."""
-        return index in self._lines
-
-    def append(self, rows: Iterable[tuple[int, str]]) -> int:
-        """Append rows (index, CSV text); return how many were new."""
-        before = self.done
-        self._lines |= {index: _plain(text) for index, text in rows if not self.has(index)}
-        return self.done - before
-
-    def sync(self) -> None:
-        """Do nothing: there is no file."""
-
-    def lines(self) -> Iterator[str]:
-        """Rows as CSV text, in the order of their curves."""
-        return (self._lines[index] for index in sorted(self._lines))
-
-
 class Journal:
-    """Rows of a map, one per curve, in a file. A context manager.
+    """Rows of a map, one per curve, in a file or in memory. A context manager.
 
     Parameters
     ----------
-    path : Path
-        The file.
+    path : Path or None
+        The file; None for a journal in memory, which is lost when it is closed.
     identity : mapping
         Identifies the run: ``hashes`` (name of an input to its SHA-256), ``columns``, ``curves`` (their number).
     is_row : callable
@@ -95,10 +60,14 @@ class Journal:
     """
 
     def __init__(
-        self, path: Path, identity: Mapping[str, Any], is_row: Callable[[str], bool], *, resume: bool
+        self, path: Path | None, identity: Mapping[str, Any], is_row: Callable[[str], bool], *, resume: bool
     ) -> None:
-        self.path = path
         self._there = bytearray(int(identity["curves"]))
+        self.path = path or Path("the journal in memory")
+        if path is None:
+            self._file = _connected(":memory:")
+            self._begin(identity)
+            return
         _require_regular(path)
         existed = path.exists()
         if existed and not resume:
@@ -283,9 +252,11 @@ class Journal:
 
 
 def _open(path: Path, mode: str) -> sqlite3.Connection:
-    file = sqlite3.connect(
-        f"{path.resolve().as_uri()}?mode={mode}", uri=True, timeout=0.0, isolation_level=None
-    )
+    return _connected(f"{path.resolve().as_uri()}?mode={mode}")
+
+
+def _connected(database: str) -> sqlite3.Connection:
+    file = sqlite3.connect(database, uri=True, timeout=0.0, isolation_level=None)
     # Text is checked here, not by SQLite's decoder.
     file.text_factory = bytes
     file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)

@@ -24,13 +24,11 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self, TypeAlias, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import emcee
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._given import require_given
@@ -42,6 +40,7 @@ from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.model.laws import quiet_law
 from underlay.inference.priors import Uniform
 from underlay.inference.problem import Problem
+from underlay.inference.progress import ProgressLine
 from underlay.inference.sampling import chain_file
 from underlay.inference.sampling.chain_file import ChainFile
 from underlay.inference.sampling.derived import derived_quantities
@@ -79,6 +78,16 @@ _TIMES, _COLUMNS = 4, 8
 _KEPT_PER_TIME = 4.0
 # Quantiles of a prior, and draws at which derived quantities and predictive bands are computed.
 _PRIOR_LEVELS, _DERIVED_DRAWS, _PREDICTIVE_DRAWS = 1001, 4096, 500
+
+# The progress line.
+_LINE = (
+    TextColumn("sampling"),
+    BarColumn(),
+    TextColumn("{task.completed} of about {task.total} steps"),
+    TextColumn("{task.fields[worth]}"),
+    TimeElapsedColumn(),
+    TimeRemainingColumn(),
+)
 
 
 @one_thread()
@@ -161,7 +170,7 @@ def sample(
         names = found.problem.names
         with (
             _chain_file(names, walkers, max_steps, backend, resume=resume) as (file, before),
-            _Line(max_steps, shown=progress) as line,
+            ProgressLine(*_LINE, shown=progress, total=max_steps, worth="") as line,
         ):
             run = _Run.begin(density, drawn, walkers, max_steps, for_walkers, file, before)
             answer = _judged(run, drawn, line, limit, for_draws, names, by_weights=method is None)
@@ -173,7 +182,7 @@ def sample(
 def _judged(
     run: _Run,
     drawn: WeightedDraws,
-    line: _Line,
+    line: ProgressLine,
     limit: float,
     rng: np.random.Generator,
     names: tuple[str, ...],
@@ -297,7 +306,8 @@ class _Run:
         self._sampler, self._density, self._state, self._file = sampler, density, state, file
         self._coords = np.empty((max_steps, *state.coords.shape))
         self._log_density = np.empty((max_steps, len(state.coords)))
-        self.max_steps = max_steps
+        self.max_steps = self._needed = max_steps
+        self._effective = 0.0
         self.steps, self._kept = 0, min(len(before), max_steps)
         self._coords[: self._kept] = before[: self._kept, :, :-1]
         self._log_density[: self._kept] = before[: self._kept, :, -1]
@@ -339,7 +349,7 @@ class _Run:
         """Log-posterior so far, (steps, walkers)."""
         return self._log_density[: self.steps]
 
-    def go(self, line: _Line, limit: float, *, most: int | None = None) -> Outcome:
+    def go(self, line: ProgressLine, limit: float, *, most: int | None = None) -> Outcome:
         """Step until `most` are done; without it until the chain has converged or steps or time are used up.
 
         A KeyboardInterrupt ends it too. Returns the verdict on the chain.
@@ -350,11 +360,14 @@ class _Run:
             if self.steps == next_check and (outcome := judge(self.coords, most)).converged:
                 return outcome
             for _ in self._onward(most):
-                line.step(self.steps)
+                worth = f"{self._effective:.0f} effective samples" if self._effective else ""
+                told = (self.steps, self._needed, self._effective)
+                line.show(*told, completed=self.steps, total=self._needed, worth=worth)
                 if self.steps < next_check or self.steps >= most:
                     continue
                 outcome = judge(self.coords, most)
-                line.judge(float(outcome.effective.min()), min(outcome.probable_length, self.max_steps))
+                self._effective = float(outcome.effective.min())
+                self._needed = min(outcome.probable_length, self.max_steps)
                 if outcome.converged:
                     return outcome
                 if time.process_time() > limit:
@@ -441,53 +454,6 @@ def _chain_file(
     else:
         with ChainFile.create(backend, names, (max_steps, walkers)) as file:
             yield file, None
-
-
-class _Line:
-    """Progress line on the terminal: steps done, effective samples so far and time left.
-
-    `shown` None shows it if standard error is a terminal; a function is called instead of it.
-    """
-
-    def __init__(self, total: int, *, shown: bool | Told | None) -> None:
-        self._report: Told | None = None if isinstance(shown, bool) else shown
-        self._total, self._effective = total, 0.0
-        console = Console(stderr=True, force_terminal=(shown is True) or None)
-        self._bar = Progress(
-            TextColumn("sampling"),
-            BarColumn(),
-            TextColumn("{task.completed} of about {task.total} steps"),
-            TextColumn("{task.fields[worth]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not (console.is_terminal if shown is None else shown is True),
-            refresh_per_second=4,
-        )
-        self._task = self._bar.add_task("sampling", total=total, worth="")
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        # Stopping prints a line even where nothing was shown, in versions of rich up to 14.
-        if not self._bar.disable:
-            self._bar.stop()
-
-    def step(self, done: int) -> None:
-        """Show that `done` steps are done."""
-        self._bar.update(self._task, completed=done)
-        if self._report is not None:
-            self._report(done, self._total, self._effective)
-
-    def judge(self, effective: float, needed: int) -> None:
-        """Show the effective samples so far and how many steps will probably be needed."""
-        self._total, self._effective = needed, effective
-        self._bar.update(self._task, total=needed, worth=f"{effective:.0f} effective samples")
 
 
 # --- the posterior ----------------------------------------------------------------------------------------
