@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
+from support.p_values import delta_chi_square_at
 from underlay.inference.profiling.profile_result import interval_threshold
-from underlay.inference.profiling.walked import delta_chi_square_at
 
 LEVEL, WIDTH = 0.95, 1.959964
 POINTS = 200

@@ -46,9 +46,8 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.inference.profiling.calibrated_profile import p_value_at
+from support.p_values import delta_chi_square_at, p_value_at
 from underlay.inference.profiling.profile_result import interval_threshold
-from underlay.inference.profiling.walked import delta_chi_square_at
 
 LEVEL = 0.95
 DRAWS = 99

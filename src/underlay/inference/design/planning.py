@@ -29,7 +29,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.priors import Given
 from underlay.inference.problem import Problem, by_path
-from underlay.inference.profiles import profile
+from underlay.inference.profiling.profile import profile
 from underlay.inference.profiling.profile_result import Interval
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.inference.uncertainty.budget import sources_of

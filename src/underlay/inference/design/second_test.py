@@ -17,7 +17,7 @@ from underlay.errors import InputError, ParameterError, UnderlayWarning
 from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of
 from underlay.inference.design.planning import Grid
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.profiling.walked import constrained_fit
+from underlay.inference.profiling.walk import constrained_fit
 from underlay.quantities import kind_of, path_of
 from underlay.units import format_quantity
 

@@ -1,6 +1,7 @@
-"""Steps of a profile from an optimum to one side, the other parameters fitted again at each.
+"""Steps of a profile outwards from every optimum of a fit, and the best fit with one parameter held.
 
 With t the rise of chi-square, steps are of about half a unit of z = sqrt(t), in which a profile is nearly straight.
+A fit with a parameter held starts from every optimum that the fit found and from a scan.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import Ahead, Minimum, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
@@ -18,10 +19,9 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan import LIKELY, scan
 from underlay.inference.problem import Problem
+from underlay.inference.profiling.profile_result import HIGHEST, LikelihoodProfile
 from underlay.scene.noise import Noise
 
-#: Largest z that a walk goes to: that of a 99.9 % interval, and a little more.
-HIGHEST = 3.4
 _STEP = 0.5  # step in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 # A rise of z in one step beyond which the step is taken again, shorter.
 _STEEPEST = 2.0 * _STEP
@@ -45,6 +45,8 @@ _SAME = 1e-9
 _FLAT = 3e-2
 # Rise t below which a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
+# How much better (in t) a point of its own profile must be for a fit not to be the optimum.
+_DEEPER = 1e-3
 _BETTER = 0.01  # gain in t that matters: less changes no interval by a hundredth of its width
 # The search of a step. The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than
 # 2e-3 is the last: where t is 3.84 that moves an end by 3e-4 of its distance, and along a plateau many such steps
@@ -399,3 +401,112 @@ def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[
     # The profile explains the data nearly as well as the fit does: a start that is far worse leads no lower.
     likely = [start.vector for start in scan(held) if start.misfit <= LIKELY]
     return [problem.vector(known | held.values(start)) for start in likely]
+
+
+def walked(fit: Fit, name: str, highest: float) -> tuple[LikelihoodProfile, FloatArray | None]:
+    """Profile of a parameter up to z = sqrt(t) of `highest`, with t the rise of chi-square.
+
+    Returned with it is a scaled vector (k,) that fits better than the fit, None if none was met.
+    """
+    index = fit.names.index(name)
+    below, above = _both_sides(fit, index, fit.vector, highest)
+    rise, deepest = min((below.deepest, above.deepest), key=lambda basin: basin[0])
+    branches = []
+    for other in fit.alternatives:
+        left, right = _both_sides(fit, index, other.vector, highest)
+        branches.append(_joined(fit, name, left, right))
+    return _joined(fit, name, below, above, tuple(branches)), deepest if rise < -_DEEPER else None
+
+
+def _both_sides(fit: Fit, index: int, vector: FloatArray, highest: float) -> list[Walk]:
+    """Profile below and above a scaled vector (k,), up to z = sqrt(t) of `highest`, t the rise of chi-square."""
+    return [Walk.start(fit, index, vector).go(side, highest).with_bottoms() for side in (-1.0, 1.0)]
+
+
+def _joined(
+    fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[LikelihoodProfile, ...] = ()
+) -> LikelihoodProfile:
+    index = fit.names.index(name)
+    vectors = np.array([*below.vectors[:0:-1], *above.vectors])
+    rise = np.maximum(np.array([*below.delta_chi_squares[:0:-1], *above.delta_chi_squares]), 0.0)
+    return LikelihoodProfile(
+        name=name,
+        fit=fit,
+        values=read_only(fit.problem.coordinates[index].physical(vectors[:, index])),
+        delta_chi_square=read_only(rise),
+        vectors=read_only(vectors),
+        ends=(below.reason, above.reason),
+        branches=branches,
+    )
+
+
+def index_of(fit: Fit, name: str) -> int:
+    """Entry of a free parameter in a scaled vector.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, or is one of the noise.
+    """
+    if name not in fit.names:
+        raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
+    if name.startswith("noise."):
+        raise InputError(
+            f"{name!r}: the noise is frozen where a value is held or drawn curves are fitted; "
+            "a profile without calibration follows its likelihood"
+        )
+    return fit.names.index(name)
+
+
+def missed(fit: Fit, vector: FloatArray) -> float:
+    """Change of chi-square, zero or negative, if the fit is made again from a scaled vector (k,).
+
+    Of two optima a fit may have found the higher one only.
+    """
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    found = minimise(objective, vector)
+    if found is None:
+        return 0.0
+    return min(objective.square(found.vector) - objective.square(fit.vector), 0.0)
+
+
+def constrained_fit(
+    fit: Fit, name: str, value: float, near: FloatArray | None = None
+) -> tuple[float, FloatArray]:
+    """Best fit with one parameter held at a value (SI): its rise t of chi-square and its scaled vector (k,).
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name : str
+        The parameter that is held.
+    value : float
+        Its value (SI).
+    near : FloatArray, optional
+        Scaled vector (k,) to begin at instead of the optima: the truth of a simulated curve.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, the value is outside its bounds, or no law exists there.
+    """
+    index = index_of(fit, name)
+    coordinate = fit.problem.coordinates[index]
+    if not coordinate.low <= value <= coordinate.high:
+        raise InputError(
+            f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
+        )
+    q = coordinate.scaled(value)
+    walk = Walk.start(fit, index, fit.vector)
+    begin = [near] if near is not None else [fit.vector, *(other.vector for other in fit.alternatives)]
+    best = None
+    for place in begin:
+        found = Walk.start(fit, index, place).follow(q)
+        if found is not None and (best is None or walk.delta_chi_square(found) < walk.delta_chi_square(best)):
+            best = found
+    if walk.in_doubt(best):
+        best = walk.look_elsewhere(q, best)
+    if best is None:
+        raise InputError(f"no contact law at {name} = {value!r}")
+    return walk.delta_chi_square(best), best.vector
