@@ -70,7 +70,7 @@ def map_curves(
     """
     from underlay.inference.batch.decisions import without_refused
     from underlay.inference.batch.results_table import write_frame
-    from underlay.inference.population.selection import group_column
+    from underlay.inference.population.population import group_column
     from underlay.report.screen import assumed_words, line, written_line
     from underlay.scene.scene_file import read_scene_file
 

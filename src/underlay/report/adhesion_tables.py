@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from underlay.inference.sampling.derived import adhesive_estimates, kind_of_quantity
+from underlay.inference.reported import adhesive_estimates
+from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.report.labels import label
 from underlay.report.screen import interval_text
 from underlay.report.tables import labelled_table

@@ -20,7 +20,7 @@ from underlay._files import write_atomic
 from underlay.data.segments import LOADING
 from underlay.errors import UnderlayError
 from underlay.inference.pointwise.result import ModulusCurve, PointwiseModulus
-from underlay.inference.recipe import steps_to_ours
+from underlay.inference.reported import steps_to_ours
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.report import adhesion_tables, plots, screen, tables
