@@ -30,7 +30,7 @@ from underlay._door import (
 from underlay.data.curve import check_fittable
 from underlay.inference.batch.decisions import read_map
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.sampling.chain_file import ChainFile
+from underlay.inference.sampling.chain_file import open_chain
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import parse_quantity
 
@@ -128,7 +128,7 @@ def test_every_way_in_refuses_a_pipe(folder):
         lambda: read_start(pipe, 4),
         lambda: sha256_of(pipe),
         lambda: read_map(pipe),
-        lambda: ChainFile.resume(pipe, ("layer.E",), (6, 4)).__enter__(),
+        lambda: open_chain(pipe, ("layer.E",), (6, 4), resume=True).__enter__(),
     ]
     for read in reads:
         with pytest.raises(ul.FileAccessError, match="pipe or device"):
@@ -392,7 +392,7 @@ def test_documents_with_values_of_another_kind(saved, path, value, tmp_path):
 )
 def test_chains_that_are_not_laid_out_as_such(change, tmp_path):
     path, names = tmp_path / "chain.h5", ("layer.E", "layer.thickness")
-    with ChainFile.create(path, names, (6, 4)) as file:
+    with open_chain(path, names, (6, 4), resume=False) as (file, _):
         file.append(np.ones((4, 2)), np.ones(4), np.random.RandomState(1).get_state(), (1, 0))
     with h5py.File(path, "r+") as file:
         if change == "steps":
@@ -415,7 +415,7 @@ def test_chains_that_are_not_laid_out_as_such(change, tmp_path):
             elif change == "external":
                 file["chain"] = h5py.ExternalLink("other.h5", "chain")
     told = r"chain\.h5 is not a chain file, or damaged"
-    with pytest.raises(ul.FileFormatError, match=told), ChainFile.resume(path, names, (6, 4)):
+    with pytest.raises(ul.FileFormatError, match=told), open_chain(path, names, (6, 4), resume=True):
         pass
 
 

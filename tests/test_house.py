@@ -231,7 +231,7 @@ DOORS = {
     "data/readers/_text": {"np.loadtxt", "read_text"},  # lines in memory; a file of the package itself
     "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
-    "inference/sampling/chain_file": {"library.File"},  # after require_regular
+    "inference/sampling/chain_file": {"h5py.File"},  # after require_regular
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/published/law": {"read_text"},  # of the package itself

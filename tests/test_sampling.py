@@ -28,6 +28,7 @@ from support.posterior_cases import (
 from underlay.inference.priors import Flat
 from underlay.inference.sampling import draws as drawing
 from underlay.inference.sampling import run as sampling
+from underlay.inference.sampling.chain_file import open_chain
 from underlay.inference.sampling.diagnostics import (
     DETERMINED,
     UNDETERMINED,
@@ -398,19 +399,19 @@ def test_kill_9_loses_nothing(tmp_path):
             method="emcee",
         )
     assert posterior.diagnostics.steps == told + 1
-    with sampling.ChainFile.resume(path, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (_, kept):
-        stored = kept.chain
+    with open_chain(path, ("layer.E", "instrument.contact_depth"), (told + 1, 8), resume=True) as (_, kept):
+        stored = kept.steps
     # What was stored is the chain of a run that was never killed.
     reference = tmp_path / "reference.h5"
     with pytest.warns(ul.UnderlayWarning, match="not converged"):
         ul.sample(
             halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference, method="emcee"
         )
-    with sampling.ChainFile.resume(reference, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (
+    with open_chain(reference, ("layer.E", "instrument.contact_depth"), (told + 1, 8), resume=True) as (
         _,
         kept,
     ):
-        np.testing.assert_array_equal(stored, kept.chain)
+        np.testing.assert_array_equal(stored, kept.steps)
 
 
 @pytest.mark.usefixtures("plain")

@@ -19,7 +19,7 @@ from underlay.data.export import write_curves
 from underlay.inference.batch.decisions import is_map, read_map
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.sampling.chain_file import ChainFile
+from underlay.inference.sampling.chain_file import open_chain
 from underlay.report import maps
 from underlay.scene.scene_file import read_scene_file
 
@@ -141,7 +141,7 @@ def _read_posterior(path):
 def _chains(folder):
     path = folder / "chain.h5"
     rng = np.random.default_rng(0)
-    with ChainFile.create(path, NAMES, (6, 4)) as file:
+    with open_chain(path, NAMES, (6, 4), resume=False) as (file, _):
         for step in range(4):
             state = np.random.RandomState(step).get_state()
             file.append(rng.normal(size=(4, 2)), rng.normal(size=4), state, (10 * step, step))
@@ -149,7 +149,7 @@ def _chains(folder):
 
 
 def _read_chain(path):
-    with ChainFile.resume(path, NAMES, (6, 4)) as (_, before):
+    with open_chain(path, NAMES, (6, 4), resume=True) as (_, before):
         np.random.RandomState().set_state(before.random_state)
 
 

@@ -16,15 +16,13 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay._door import FileKind, parse_json, require_regular, understood
+from underlay._door import FileKind, PathLike, parse_json, require_regular, understood
 from underlay.errors import FileAccessError, InputError, missing_extra
 
 try:
@@ -44,28 +42,22 @@ _WORDS = 624
 _STATE_SIZE = _WORDS + 5
 
 
-@dataclass(frozen=True)
-class Progress:
-    """State of a chain that a file held when it was opened.
+class Chain(NamedTuple):
+    """The chain that a file held when it was opened.
 
-    Parameters
-    ----------
-    chain : FloatArray
-        (steps, walkers, parameters + 1): scaled coordinates and log-posterior.
-    random_state : RandomState
-        State of the random generator after the last step.
-    evaluations, failures : int
-        Number of model evaluations so far, and of those that failed.
+    `steps` is (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; `random_state` is
+    that of the generator after the last step; `evaluations` and `failures` count model evaluations so far, and those
+    of them that failed.
     """
 
-    chain: FloatArray
+    steps: FloatArray
     random_state: RandomState
     evaluations: int
     failures: int
 
 
 class ChainFile:
-    """An open chain file; make one with `create` or `resume`.
+    """An open chain file; `open_chain` makes one.
 
     Parameters
     ----------
@@ -77,53 +69,6 @@ class ChainFile:
         self._file = file
         self._chain, self._state, self._steps = file["chain"], file["state"], file["steps"]
         self.steps = int(self._steps[0])
-
-    @classmethod
-    @contextmanager
-    def create(
-        cls, path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int]
-    ) -> Iterator[ChainFile]:
-        """Lay out a new file for `shape` = (steps, walkers) and open it.
-
-        Raises
-        ------
-        InputError
-            If the file exists: a chain is never overwritten.
-        FileAccessError
-            If it cannot be written.
-        MissingExtraError
-            If h5py is not installed.
-        """
-        if Path(path).exists():
-            raise InputError(f"{os.fspath(path)} exists: continue it (resume), or give another name")
-        _put_new(path, names, shape)
-        with _opened(path, "r+") as file:
-            yield cls(file)
-
-    @classmethod
-    @contextmanager
-    def resume(
-        cls, path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int]
-    ) -> Iterator[tuple[ChainFile, Progress]]:
-        """Open a file to continue it up to `shape` = (steps, walkers).
-
-        Raises
-        ------
-        InputError
-            If it is no chain file, or one of other parameters or another number of walkers.
-        FileAccessError
-            If it cannot be opened, or another run has it open.
-        """
-        with _opened(path, "r+") as file:
-            with understood(path, _KIND):
-                progress = _read(file, path, names, shape[1])
-            enough = len(file["chain"]) >= shape[0]
-            if enough:
-                yield cls(file), progress
-        if not enough:
-            _put_new(path, names, shape, progress)
-            with _opened(path, "r+") as file:
-                yield cls(file), progress
 
     def append(
         self,
@@ -144,58 +89,73 @@ class ChainFile:
         self._file.flush()
 
 
+@contextmanager
+def open_chain(
+    path: PathLike, names: tuple[str, ...], shape: tuple[int, int], *, resume: bool
+) -> Iterator[tuple[ChainFile, Chain | None]]:
+    """Open a file for a chain of `shape` = (steps, walkers), laid out anew where there is none.
+
+    With `resume` a chain that is there is continued, and given too.
+
+    Raises
+    ------
+    InputError
+        If the file exists and `resume` is not set (a chain is never overwritten); if it is no chain file, or one of
+        other parameters or another number of walkers.
+    FileAccessError
+        If it cannot be opened or written, or another run has it open.
+    MissingExtraError
+        If h5py is not installed.
+    """
+    before = None
+    if Path(path).exists():
+        if not resume:
+            raise InputError(f"{os.fspath(path)} exists: continue it (resume), or give another name")
+        with _opened(path, "r+") as file:
+            with understood(path, _KIND):
+                before = _read(file, path, names, shape[1])
+            if len(file["chain"]) >= shape[0]:
+                yield ChainFile(file), before
+                return
+    _put_new(path, names, shape, before)
+    with _opened(path, "r+") as file:
+        yield ChainFile(file), before
+
+
 def _packed(random_state: RandomState, counts: tuple[int, int]) -> FloatArray:
     # 32-bit words and counters below 2^53 are exact in float64.
     return np.concatenate([np.asarray(random_state[1], dtype=np.float64), random_state[2:], counts])
 
 
-def _hdf5() -> ModuleType:
+@contextmanager
+def _opened(path: PathLike, mode: str) -> Iterator[Any]:
     if h5py is None:
         raise missing_extra("keeping a chain in a file needs h5py", "uq", "sample without a backend")
-    module: ModuleType = h5py
-    return module
-
-
-@contextmanager
-def _opened(path: str | os.PathLike[str], mode: str) -> Iterator[Any]:
-    library = _hdf5()
     if mode == "r+":
         require_regular(path, _KIND)
     try:
-        file = library.File(os.fspath(path), mode)
+        file = h5py.File(os.fspath(path), mode)
     except BlockingIOError as error:
         raise FileAccessError(f"{os.fspath(path)} is in use by another run") from error
     except OSError as error:
-        if mode == "r+" and Path(path).is_file() and not library.is_hdf5(os.fspath(path)):
+        if mode == "r+" and Path(path).is_file() and not h5py.is_hdf5(os.fspath(path)):
             raise InputError(f"{os.fspath(path)} is not a chain file: {error}") from error
         raise FileAccessError(f"cannot open {os.fspath(path)}: {error}") from error
     with file:
         yield file
 
 
-def _lay_out(file: Any, names: tuple[str, ...], shape: tuple[int, int]) -> None:
-    steps, walkers = shape
-    _reserve(file, "chain", (steps, walkers, len(names) + 1))
-    _reserve(file, "state", (2, _STATE_SIZE))
-    _reserve(file, "steps", (1,))
-    file["steps"][0] = 0
-    file.attrs["format"] = _FORMAT
-    file.attrs["parameters"] = json.dumps(names)
-    file.flush()
-
-
 def _reserve(file: Any, name: str, shape: tuple[int, ...]) -> None:
     """Make a contiguous HDF5 dataset whose bytes are allocated now and not initialised."""
-    library = _hdf5()
-    plist = library.h5p.create(library.h5p.DATASET_CREATE)
-    plist.set_layout(library.h5d.CONTIGUOUS)
-    plist.set_alloc_time(library.h5d.ALLOC_TIME_EARLY)
-    plist.set_fill_time(library.h5d.FILL_TIME_NEVER)
-    space = library.h5s.create_simple(shape)
-    library.h5d.create(file.id, name.encode(), library.h5t.IEEE_F64LE, space, dcpl=plist)
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_layout(h5py.h5d.CONTIGUOUS)
+    plist.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    plist.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    space = h5py.h5s.create_simple(shape)
+    h5py.h5d.create(file.id, name.encode(), h5py.h5t.IEEE_F64LE, space, dcpl=plist)
 
 
-def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walkers: int) -> Progress:
+def _read(file: Any, path: PathLike, names: tuple[str, ...], walkers: int) -> Chain:
     where = os.fspath(path)
     if file.attrs.get("format") not in (_FORMAT, *_OLDER):
         raise InputError(f"{where} is not a chain file of this version (format {file.attrs.get('format')!r})")
@@ -213,8 +173,8 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
         )
     steps = _steps(file)
     state = file["state"][steps % 2]
-    return Progress(
-        chain=file["chain"][:steps],
+    return Chain(
+        steps=file["chain"][:steps],
         random_state=(
             "MT19937",
             state[:_WORDS].astype(np.uint32),
@@ -228,16 +188,15 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
 
 
 def _check_layout(file: Any, parameters: int) -> None:
-    """Raise ValueError where a file's datasets differ from those of `_lay_out` in shape, kind or storage."""
-    library = _hdf5()
+    """Raise ValueError where a file's datasets differ from those of a new file in shape, kind or storage."""
     shapes = {"chain": (None, None, parameters + 1), "state": (2, _STATE_SIZE), "steps": (1,)}
     size = file.id.get_filesize()
     for name, shape in shapes.items():
-        if not isinstance(file.get(name, getlink=True), library.HardLink):
+        if not isinstance(file.get(name, getlink=True), h5py.HardLink):
             raise ValueError(f"{name} leads out of the file")  # noqa: TRY004  of a file, not of an argument
         entry = file[name]
         fits = (
-            isinstance(entry, library.Dataset)
+            isinstance(entry, h5py.Dataset)
             and entry.dtype == np.float64
             and entry.ndim == len(shape)
             and all(wanted in (None, found) for wanted, found in zip(shape, entry.shape, strict=True))
@@ -264,23 +223,21 @@ def _steps(file: Any) -> int:
     return int(steps)
 
 
-def _put_new(
-    path: str | os.PathLike[str],
-    names: tuple[str, ...],
-    shape: tuple[int, int],
-    progress: Progress | None = None,
-) -> None:
-    """Write a new chain file, with the steps of `progress` if given, and move it to `path` when it is complete."""
+def _put_new(path: PathLike, names: tuple[str, ...], shape: tuple[int, int], before: Chain | None) -> None:
+    """Write a new chain file, with the steps that were `before`, and move it to `path` when it is complete."""
     temporary = Path(f"{os.fspath(path)}.new")
     # Left by a killed run, or a symbolic link that would lead out of the output.
     temporary.unlink(missing_ok=True)
     with _opened(temporary, "x") as file:
-        _lay_out(file, names, shape)
-        if progress is not None:
-            steps = len(progress.chain)
-            file["chain"][:steps] = progress.chain
-            file["state"][steps % 2] = _packed(
-                progress.random_state, (progress.evaluations, progress.failures)
-            )
+        _reserve(file, "chain", (*shape, len(names) + 1))
+        _reserve(file, "state", (2, _STATE_SIZE))
+        _reserve(file, "steps", (1,))
+        file["steps"][0] = 0
+        file.attrs["format"] = _FORMAT
+        file.attrs["parameters"] = json.dumps(names)
+        if before is not None:
+            steps = len(before.steps)
+            file["chain"][:steps] = before.steps
+            file["state"][steps % 2] = _packed(before.random_state, (before.evaluations, before.failures))
             file["steps"][0] = steps
     temporary.replace(path)

@@ -162,8 +162,9 @@ class WeightedDraws:
         off = self.weights[None, :, None] * (below - np.array(LEVELS)[:, None, None])
         return quantile_errors(self.vectors, self.weights, np.sqrt(np.square(off).sum(axis=1)))
 
-    def record(self, disagreement: str, *, is_open: bool) -> Importance:
-        """Quality of the draws as a record; without the evidence where the noise `is_open`, that is, not stated."""
+    def record(self, disagreement: str) -> Importance:
+        """Quality of the draws as a record; without the evidence where the noise is not stated."""
+        is_open = self.source.problem.noise_is_open
         error = math.sqrt(max(1.0 / self.effective - 1.0 / len(self.weights), 0.0))
         return Importance(
             draws=len(self.weights),

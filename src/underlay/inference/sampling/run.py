@@ -22,8 +22,7 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import nullcontext
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import emcee
@@ -41,8 +40,7 @@ from underlay.inference.model.laws import quiet_law
 from underlay.inference.priors import Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.progress import ProgressLine
-from underlay.inference.sampling import chain_file
-from underlay.inference.sampling.chain_file import ChainFile
+from underlay.inference.sampling.chain_file import Chain, ChainFile, open_chain
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.inference.sampling.diagnostics import (
     MIN_STEPS,
@@ -165,16 +163,21 @@ def sample(
     if method == "importance":
         if drawn.refused:
             raise FitError(f"weighted draws are refused: {drawn.refused}; take the sampler emcee")
-        answer = _Answer.of_weights(drawn, for_draws, None)
+        draws = _of_weights(drawn, for_draws, None)
     else:
         names = found.problem.names
+        kept = (
+            nullcontext((None, None))
+            if backend is None
+            else open_chain(backend, names, (max_steps, walkers), resume=resume)
+        )
         with (
-            _chain_file(names, walkers, max_steps, backend, resume=resume) as (file, before),
+            kept as (file, before),
             ProgressLine(*_LINE, shown=progress, total=max_steps, worth="") as line,
         ):
             run = _Run.begin(density, drawn, walkers, max_steps, for_walkers, file, before)
-            answer = _judged(run, drawn, line, limit, for_draws, names, by_weights=method is None)
-    posterior = _assemble(density, answer, for_bands, seed, time.perf_counter() - began)
+            draws = _judged(run, drawn, line, limit, for_draws, names, by_weights=method is None)
+    posterior = _assemble(density, draws, for_bands, seed, time.perf_counter() - began)
     _warn(posterior)
     return posterior
 
@@ -188,18 +191,18 @@ def _judged(
     names: tuple[str, ...],
     *,
     by_weights: bool,
-) -> _Answer:
+) -> _Draws:
     """Weighted draws if they are requested and a chain agrees with them; else the draws of the long chain."""
     if by_weights and not drawn.refused:
         run.go(line, limit, most=_FIRST_CHECK)
         disagreement = differs(names, drawn, run.coords)
         if not disagreement:
-            return _Answer.of_weights(drawn, rng, run)
+            return _of_weights(drawn, rng, run)
     outcome = run.go(line, limit)
     disagreement = "" if drawn.refused else differs(names, drawn, run.coords)
     if by_weights and not (drawn.refused or disagreement):
-        return _Answer.of_weights(drawn, rng, run)
-    return _Answer.of_chain(run, outcome, drawn, disagreement)
+        return _of_weights(drawn, rng, run)
+    return _of_chain(run.coords, run.log_density, outcome, drawn, disagreement)
 
 
 def _with_proper_baseline(problem: Problem) -> Problem:
@@ -321,11 +324,11 @@ class _Run:
         max_steps: int,
         rng: np.random.Generator,
         file: ChainFile | None,
-        before: chain_file.Progress | None,
+        before: Chain | None,
     ) -> _Run:
         """Place the walkers by the weighted draws, or at the last step that a file holds."""
         parameters = drawn.vectors.shape[1]
-        kept = np.empty((0, walkers, parameters + 1)) if before is None else before.chain
+        kept = np.empty((0, walkers, parameters + 1)) if before is None else before.steps
         words = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
         proposal = Proposal.of(drawn, rng)
         if before is not None and len(kept):
@@ -437,92 +440,85 @@ def _check_from(steps: int) -> int:
     return check
 
 
-@contextmanager
-def _chain_file(
-    names: tuple[str, ...],
-    walkers: int,
-    max_steps: int,
-    backend: str | os.PathLike[str] | None,
-    *,
-    resume: bool,
-) -> Iterator[tuple[ChainFile | None, chain_file.Progress | None]]:
-    if backend is None:
-        yield None, None
-    elif resume and Path(backend).exists():
-        with ChainFile.resume(backend, names, (max_steps, walkers)) as (file, before):
-            yield file, before
-    else:
-        with ChainFile.create(backend, names, (max_steps, walkers)) as file:
-            yield file, None
-
-
 # --- the posterior ----------------------------------------------------------------------------------------
 
 
-class _Answer(NamedTuple):
+class _Draws(NamedTuple):
     """Draws (n, columns, p), scaled, their log-density (n, columns), and what the diagnostics record of them."""
 
     coords: FloatArray
     log_density: FloatArray
-    effective: FloatArray
-    outcome: Outcome
-    acceptance: float
-    thin: int
-    drawn: WeightedDraws | None
-    disagreement: str
-    weighted: bool
-    is_chain: bool
-
-    @classmethod
-    def of_weights(cls, drawn: WeightedDraws, rng: np.random.Generator, run: _Run | None) -> _Answer:
-        """Weighted draws, resampled, with the chain that checked them, if one was made."""
-        count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
-        rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
-        none = np.full(drawn.vectors.shape[1], np.nan)
-        reason = (
-            f"{len(drawn.weights)} weighted samples, as good as {drawn.effective:.0f} independent ones (Pareto k "
-            f"{drawn.pareto:.2f}; below 0.7 they can be trusted)"
-        )
-        steps, walkers, burn_in, times = len(rows), _COLUMNS, 0, none
-        acceptance = drawn.effective / len(drawn.weights)
-        if run is not None:
-            steps, walkers = run.coords.shape[:2]
-            burn_in, times = memory(run.coords)
-            acceptance = _moved(run.coords[burn_in:])
-            reason += f"; a chain of {steps} steps from them agrees within the errors of both"
-        outcome = Outcome(steps, walkers, burn_in, times, none, drawn.quantile_errors, True, reason)
-        effective = np.full(len(none), drawn.effective)
-        coords, levels = drawn.vectors[rows], drawn.log_density[rows]
-        is_chain = run is not None
-        return cls(coords, levels, effective, outcome, acceptance, 1, drawn, "", True, is_chain)
-
-    @classmethod
-    def of_chain(
-        cls,
-        run: _Run | _Made,
-        outcome: Outcome,
-        drawn: WeightedDraws | None,
-        disagreement: str,
-    ) -> _Answer:
-        """Draws of a chain after burn-in, thinned."""
-        fastest = float(np.min(outcome.times))
-        thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
-        thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
-        kept = slice(outcome.burn_in, None, thin)
-        if disagreement:
-            outcome = outcome._replace(reason=f"{outcome.reason}; weighted draws differ: {disagreement}")
-        acceptance = _moved(run.coords[outcome.burn_in :])
-        coords, levels = run.coords[kept], run.log_density[kept]
-        return cls(
-            coords, levels, outcome.effective, outcome, acceptance, thin, drawn, disagreement, False, True
-        )
+    record: dict[str, Any]
 
 
-class _Made(NamedTuple):
-    """A chain that another sampler made: positions (steps, walkers, p) and log-density (steps, walkers)."""
+def _of_weights(drawn: WeightedDraws, rng: np.random.Generator, run: _Run | None) -> _Draws:
+    """Weighted draws, resampled, with the chain that checked them, if one was made."""
+    count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
+    rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
+    reason = (
+        f"{len(drawn.weights)} weighted samples, as good as {drawn.effective:.0f} independent ones (Pareto k "
+        f"{drawn.pareto:.2f}; below 0.7 they can be trusted)"
+    )
+    record = {
+        "converged": True,
+        "reason": reason,
+        "steps": len(rows),
+        "burn_in": 0,
+        "thin": 1,
+        "walkers": _COLUMNS,
+        "autocorrelation_time": (),
+        "rhat": (),
+        "acceptance": drawn.effective / len(drawn.weights),
+        "method": "importance",
+        "effective": (drawn.effective,) * drawn.vectors.shape[1],
+        "quantile_errors": drawn.quantile_errors,
+        "importance": drawn.record(""),
+        "weighted": True,
+    }
+    if run is not None:
+        burn_in, times = memory(run.coords)
+        record |= {
+            "reason": f"{reason}; a chain of {run.steps} steps from them agrees within the errors of both",
+            "steps": run.steps,
+            "burn_in": burn_in,
+            "walkers": run.coords.shape[1],
+            "autocorrelation_time": tuple(times.tolist()),
+            "acceptance": _moved(run.coords[burn_in:]),
+            "method": "emcee",
+        }
+    return _Draws(drawn.vectors[rows], drawn.log_density[rows], record)
 
-    coords: FloatArray
-    log_density: FloatArray
+
+def _of_chain(
+    coords: FloatArray,
+    log_density: FloatArray,
+    outcome: Outcome,
+    drawn: WeightedDraws | None = None,
+    disagreement: str = "",
+) -> _Draws:
+    """Draws of a chain (steps, walkers, p) after burn-in, thinned."""
+    fastest = float(np.min(outcome.times))
+    thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
+    thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
+    kept = slice(outcome.burn_in, None, thin)
+    reason = outcome.reason
+    record = {
+        "converged": outcome.converged,
+        "reason": f"{reason}; weighted draws differ: {disagreement}" if disagreement else reason,
+        "steps": outcome.steps,
+        "burn_in": outcome.burn_in,
+        "thin": thin,
+        "walkers": outcome.walkers,
+        "autocorrelation_time": tuple(outcome.times.tolist()),
+        "rhat": () if np.isnan(outcome.rhat).all() else tuple(outcome.rhat.tolist()),
+        "acceptance": _moved(coords[outcome.burn_in :]),
+        "method": "emcee",
+        "effective": tuple(outcome.effective.tolist()),
+        "quantile_errors": outcome.quantile_errors,
+        "importance": None if drawn is None else drawn.record(disagreement),
+        "weighted": False,
+    }
+    return _Draws(coords[kept], log_density[kept], record)
 
 
 def _moved(chain: FloatArray) -> float:
@@ -531,35 +527,25 @@ def _moved(chain: FloatArray) -> float:
 
 
 def _assemble(
-    density: Target, answer: _Answer, rng: np.random.Generator, seed: int | None, seconds: float
+    density: Target, draws: _Draws, rng: np.random.Generator, seed: int | None, seconds: float
 ) -> Posterior:
     """The posterior: draws converted to SI, derived quantities, predictive bands and diagnostics."""
-    problem, outcome = density.problem, answer.outcome
-    chain = problem.physical(answer.coords)
+    problem = density.problem
+    chain = problem.physical(draws.coords)
     flat = chain.reshape(-1, chain.shape[-1])
     chosen = rng.choice(len(flat), size=min(_PREDICTIVE_DRAWS, len(flat)), replace=False)
     best = problem.physical(density.fit.vector)
-    record = None
-    if answer.drawn is not None:
-        record = answer.drawn.record(answer.disagreement, is_open=problem.noise_is_open)
+    errors = draws.record["quantile_errors"].T.tolist()
     return Posterior(
         names=problem.names,
         chain=chain,
-        log_posterior=answer.log_density.copy(),
+        log_posterior=draws.log_density.copy(),
         priors=tuple(repr(prior) for prior in problem.priors.values()),
         prior_quantiles=_prior_quantiles(problem),
         derived=derived_quantities(problem, chain[:: -(-len(flat) // _DERIVED_DRAWS)]),
         predictive=predictive_bands(problem, flat[chosen], best, rng),
         diagnostics=SamplingDiagnostics(
-            converged=outcome.converged,
-            reason=outcome.reason,
-            steps=outcome.steps,
-            burn_in=outcome.burn_in,
-            thin=answer.thin,
-            walkers=outcome.walkers,
-            autocorrelation_time=tuple(outcome.times.tolist()) if answer.is_chain else (),
-            rhat=() if np.isnan(outcome.rhat).all() else tuple(outcome.rhat.tolist()),
-            acceptance=answer.acceptance,
+            **{**draws.record, "quantile_errors": dict(zip(problem.names, map(tuple, errors), strict=True))},
             evaluations=density.evaluations,
             failures=density.failures,
             failure_region=density.failure_region,
@@ -567,14 +553,6 @@ def _assemble(
             seed=seed,
             model_error=_model_error(problem, best),
             versions={**provenance(problem.curves)["versions"], "emcee": emcee.__version__},
-            method="emcee" if answer.is_chain else "importance",
-            effective=tuple(answer.effective.tolist()),
-            quantile_errors={
-                name: tuple(errors.tolist())
-                for name, errors in zip(problem.names, outcome.quantile_errors.T, strict=True)
-            },
-            importance=record,
-            weighted=answer.weighted,
         ),
         truth=_truth(problem),
         problem=problem,
@@ -668,8 +646,8 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
             f"the chain is at a place of no probability at step {step} of walker {walker}, where no draw can have "
             "been accepted; are these scaled coordinates?"
         )
-    answer = _Answer.of_chain(_Made(coords, log_density), judge(coords, len(coords)), None, "")
-    return _assemble(density, answer, np.random.default_rng(seed), seed, 0.0)
+    draws = _of_chain(coords, log_density, judge(coords, len(coords)))
+    return _assemble(density, draws, np.random.default_rng(seed), seed, 0.0)
 
 
 class _Averaged:
