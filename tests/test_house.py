@@ -34,8 +34,8 @@ GROUND = {
 HOMES = {
     "lmfit": ("inference/least_squares", "inference/answer_cost"),
     "emcee": ("inference/sampling/run", "inference/sampling/diagnostics"),
-    "dask": ("inference/batch/dask",),
-    "distributed": ("inference/batch/dask",),
+    "dask": ("inference/batch/processes",),
+    "distributed": ("inference/batch/processes",),
     "matplotlib": ("report/plots", "report/notebook"),
     "pint": ("units",),
     "threadpoolctl": ("_threads",),

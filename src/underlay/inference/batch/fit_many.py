@@ -1,7 +1,7 @@
 """Fits many curves, e.g. of a whole map, on one or many machines, with a row for each, also for those that fail.
 
 Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The same
-worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
+worker code (`work`) runs in processes of this machine or under a Dask scheduler (`processes`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from rich.text import Text
 from underlay._files import require_writable_folder
 from underlay.errors import InputError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
-from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.decisions import DECISIONS
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
@@ -32,7 +31,7 @@ from underlay.inference.batch.model import (
     batch_model,
     scene_file_of,
 )
-from underlay.inference.batch.processes import through_processes
+from underlay.inference.batch.processes import through_dask, through_processes
 from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
 from underlay.inference.batch.work import CurveFitter, Rows, file_hash
 from underlay.inference.least_squares.provenance import curve_hash

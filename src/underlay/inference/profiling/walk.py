@@ -296,26 +296,16 @@ class Walk:
         Parameters without effect at the end are tried again from the scene's values. None where no law exists, or
         the search leads to the point `known`.
         """
-        found = self._searched(start, search, known)
-        return None if found is None else self._off_plateau(found)
-
-    def _searched(
-        self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
-    ) -> Point | None:
-        """Fit the other parameters from a scaled vector (k,); returns the lowest point whose model was computed.
-
-        None where no law exists, or the search leads to the point `known`; a parameter `plateau` without effect
-        there may then have any large value.
-        """
-        found = self._search(start, search, known, plateau)
-        return None if found is None else found.point
+        found = self._search(start, search, known)
+        return None if found is None else self._off_plateau(found.point)
 
     def _search(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Minimum | None:
-        """Minimise over the other parameters from a scaled vector (k,), and say whether that converged.
+        """Fit the other parameters from a scaled vector (k,); gives the lowest point whose model was computed.
 
-        Arguments and None as in `_searched`.
+        None where no law exists, or the search leads to the point `known`; a parameter `plateau` without effect
+        there may then have any large value.
         """
         refused = self.objective.failures + _MOST_REFUSED
 
@@ -338,20 +328,19 @@ class Walk:
         profile of the thickness would miss that a thinner layer on a softer base fits as well.
         """
         for i in self._flat(found):
-            other = self._searched(_with(found.vector, i, 0.0), _ROUGH, found, i)
+            other = self._search(_with(found.vector, i, 0.0), _ROUGH, found, i)
             # Only what does not lead back to the plateau is worth an exact search.
-            if other is not None and i not in self._flat(other):
-                other = self._searched(other.vector, _FINE, found, i)
+            if other is not None and i not in self._flat(other.point):
+                other = self._search(other.point.vector, _FINE, found, i)
             else:
                 other = None
             if other is None:
                 # Steps along a plateau are cut short, and those of the other parameters with them, which then stop
                 # too early.
                 held = replace(self.objective, held=self.objective.held | {i})
-                minimum = minimise(held, found.vector, _FINE)
-                other = None if minimum is None else minimum.point
-            if other is not None and other.square < found.square:
-                found = other
+                other = minimise(held, found.vector, _FINE)
+            if other is not None and other.point.square < found.square:
+                found = other.point
         return found
 
     def _flat(self, found: Point) -> list[int]:

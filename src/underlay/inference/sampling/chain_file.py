@@ -46,8 +46,8 @@ class Chain(NamedTuple):
     """The chain that a file held when it was opened.
 
     `steps` is (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; `random_state` is
-    that of the generator after the last step; `evaluations` and `failures` count model evaluations so far, and those
-    of them that failed.
+    that of the generator after the last step; `evaluations` and `failures` count model evaluations so far, and
+    those of them that failed.
     """
 
     steps: FloatArray
