@@ -10,6 +10,7 @@ import hashlib
 import os
 import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -136,7 +137,8 @@ def fit_many(
     listed = list_curves(curves, own_files, options.folders)
     file = scene_file_of(scene)
     model = batch_model(scene if file is None else with_stand_ins(file, listed), free, options)
-    count = _require_workers(workers)
+    if workers is not None and (type(workers) is not int or workers < 0):
+        raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
     places, given, labels = _with_manifest(listed, manifest, model)
     labels = tuple(dict.fromkeys((*options.folders, *labels)))
     from_files = () if file is None else tuple(path for path in file.left_out if path not in given)
@@ -155,14 +157,17 @@ def fit_many(
         sampled=model.sampling is not None,
         answers=model.answers,
     )
-    table = None if output is None else _require_table(output)
+    table = None if output is None else _table_path(output)
+    if table is not None:
+        require_format(table)
+        require_writable_folder(table.parent)
     path = None if table is None else table.with_name(f"{table.name}.journal")
     identity = _identity(model, places, layout)
     with Journal(path, identity, layout.is_row, resume=options.resume) as journal:
         _require_same_files(journal, places, layout)
         todo = [place for place in places if not journal.has(place.index)]
         if todo:
-            batches = _through(model, layout, todo, count, scheduler, options)
+            batches = _through(model, layout, todo, workers, scheduler, options)
             _gather(journal, table, layout, batches, len(places), shown=options.progress)
         if table is not None:
             journal.sync()
@@ -222,17 +227,11 @@ def _gather(
         # Stop the workers first, so that no row is added to what is written now.
         batches.close()
         if table is not None and journal.done:
-            _leave_a_table(journal, table, layout)
+            # A full disk may have stopped the run: the journal holds every row, and the first error is the one to
+            # report.
+            with suppress(OSError):
+                write_table(table, layout, journal.lines())
         raise
-
-
-def _leave_a_table(journal: Journal, table: Path, layout: Layout) -> None:
-    try:
-        write_table(table, layout, journal.lines())
-    except OSError:
-        # A full disk may have stopped the run: the journal holds every row, and the first error is the one to
-        # report.
-        return
 
 
 def _through(
@@ -309,23 +308,9 @@ def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -
     return {"hashes": hashes, "columns": list(layout.kinds), "curves": len(places)}
 
 
-def _require_table(output: str | os.PathLike[str]) -> Path:
-    """Path of the table, after a check of its format and that its folder can be written."""
-    table = _table_path(output)
-    require_format(table)
-    require_writable_folder(table.parent)
-    return table
-
-
 def _table_path(output: str | os.PathLike[str]) -> Path:
     path = Path(output)
     return path if path.suffix else path / _TABLE
-
-
-def _require_workers(workers: int | None) -> int | None:
-    if workers is not None and (type(workers) is not int or workers < 0):
-        raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
-    return workers
 
 
 def _processors() -> int:

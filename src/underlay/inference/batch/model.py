@@ -16,7 +16,7 @@ from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.batch.results_table import RESERVED
 from underlay.inference.from_files import free_of
-from underlay.inference.priors import Given, Prior
+from underlay.inference.priors import Given, require_proper
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Auto, as_solver
@@ -260,7 +260,7 @@ def batch_model(
     )
     template = model.template
     if model.sampling is not None:
-        _require_proper(template.priors)
+        require_proper(template.priors)
     return model
 
 
@@ -269,15 +269,6 @@ def scene_file_of(scene: Scene | SceneFile | str | os.PathLike[str]) -> SceneFil
     if isinstance(scene, str | os.PathLike):
         return read_scene_file(scene)
     return scene if isinstance(scene, SceneFile) else None
-
-
-def _require_proper(priors: Mapping[str, Prior]) -> None:
-    improper = [name for name, prior in priors.items() if not prior.proper]
-    if improper:
-        raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
-            "(min and max) or a prior that has a mean (normal, lognormal)"
-        )
 
 
 def _hash(*parts: object) -> str:

@@ -37,7 +37,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.model.laws import quiet_law
-from underlay.inference.priors import Uniform
+from underlay.inference.priors import Uniform, require_proper
 from underlay.inference.problem import Problem
 from underlay.inference.progress import ProgressLine
 from underlay.inference.sampling.chain_file import Chain, ChainFile, open_chain
@@ -244,12 +244,7 @@ def _check(
         raise InputError(f"unknown method {method!r}; known: 'emcee', 'importance'")
     if method == "importance" and backend is not None:
         raise InputError("weighted draws are no chain and are not kept in a file: leave backend out")
-    improper = [name for name, prior in problem.priors.items() if not prior.proper]
-    if improper:
-        raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
-            "(min and max) or a prior that has a mean (normal, lognormal)"
-        )
+    require_proper(problem.priors)
     # The moves use the covariance of one half of the walkers, which needs p + 1 points to span p dimensions.
     least = 2 * (len(problem.names) + 1)
     if walkers < least:
