@@ -27,7 +27,6 @@ from support.maps import (
     truth,
     write_folder,
 )
-from underlay.inference.batch import fit_many as batch
 from underlay.inference.batch import processes
 from underlay.inference.batch import work as batch_work
 from underlay.inference.batch.curves import CurvePlace
@@ -432,7 +431,7 @@ def test_a_full_disk_keeps_what_was_written(curves, manifest, serial, tmp_path, 
 
     with monkeypatch.context() as patch:
         patch.setattr(Journal, "_write", write)
-        patch.setattr(batch, "_HANDED_ON", -1.0)
+        patch.setattr(batch_work, "HANDED_ON", -1.0)
         with pytest.raises(ul.FileAccessError, match=r"full.*6 curves are kept.*resume"):
             run(curves, manifest, output=output)
     assert len(pd.read_csv(output / "map.csv")) == 6

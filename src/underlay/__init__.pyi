@@ -54,7 +54,7 @@ from .inference.least_squares import (
 )
 from .inference.design.planning import plan as plan
 from .inference.answer_cost import posterior_cost as posterior_cost
-from .inference.modulus_by_depth import pointwise_modulus as pointwise_modulus
+from .inference.reported import pointwise_modulus as pointwise_modulus
 from .inference.pointwise.result import (
     ModulusCurve as ModulusCurve,
     PointwiseModulus as PointwiseModulus,

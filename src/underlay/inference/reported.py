@@ -1,4 +1,4 @@
-"""Numbers that are reported beside the parameters: moduli as others compute them, and adhesive numbers.
+"""Numbers reported beside the parameters: moduli as others compute them, the modulus by depth, adhesive numbers.
 
 An instrument's modulus differs from ours for reasons that can be separated: the points that were fitted, the
 quantity that was minimised, the shape of the tip, and the substrate. `steps_to_ours` repeats its fit; each step
@@ -15,10 +15,9 @@ Of an adhesive contact they are pull-off force and depth and the zero-load radiu
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +30,10 @@ from underlay.data.segments import LOADING
 from underlay.errors import CurveError, InputError
 from underlay.inference.from_files import whole_curve
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.pointwise.explained import halfspace_of
+from underlay.inference.pointwise.modulus import modulus_by_depth
+from underlay.inference.pointwise.result import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.derived import ADHESIVE, adhesive_numbers
 from underlay.mechanics.indenters import Paraboloid
@@ -65,30 +66,11 @@ class HertzFit(NamedTuple):
     points: NDArray[np.intp]
 
 
-class Recipe(ABC):
-    """How an instrument's software fits its modulus E_r: Hertz (1882), F = (4/3) E_r sqrt(R) (h - h0)^(3/2).
-
-    F is the force, R the tip radius, h the depth and h0 the contact point.
-    """
-
-    @abstractmethod
-    def find(self, curve: Curve, radius: float) -> HertzFit:
-        """Repeat the software's fit on a whole curve with a tip of `radius` (m).
-
-        Raises
-        ------
-        CurveError
-            If fewer than eight points lie in its range, or the force does not grow there.
-        """
-
-    @abstractmethod
-    def __str__(self) -> str:
-        """The fit procedure in words."""
-
-
 @dataclass(frozen=True)
-class LineInPower(Recipe):
-    """A straight line through F^(2/3) against depth: its slope gives E_r, its zero h0; forces as in the file.
+class LineInPower:
+    """How a Bioindenter fits its modulus E_r: a straight line through F^(2/3) against depth.
+
+    Its slope gives E_r, its zero h0; forces are those of the file.
 
     Parameters
     ----------
@@ -100,7 +82,13 @@ class LineInPower(Recipe):
     high: float
 
     def find(self, curve: Curve, radius: float) -> HertzFit:
-        """Fit the line to the loading part of a curve; see `Recipe.find`."""
+        """Repeat the software's fit on the loading part of a whole curve with a tip of `radius` (m).
+
+        Raises
+        ------
+        CurveError
+            If fewer than eight points lie in its range, or the force does not grow there.
+        """
         largest = float(curve.force.max())
         kept = (curve.segments() == LOADING) & (curve.force >= self.low * largest)
         points = np.flatnonzero(kept & (curve.force <= self.high * largest))
@@ -115,10 +103,10 @@ class LineInPower(Recipe):
 
 
 @dataclass(frozen=True)
-class LeastSquaresFromContact(Recipe):
-    """Least squares in the force with a free contact point, up to a share of the largest force.
+class LeastSquaresFromContact:
+    """How an Optics11 fits its modulus E_r: least squares in the force with a free contact point.
 
-    Forces are relative to their mean before the software's contact point. Files of Optics11 do not state this
+    Points are used up to a share of the largest force. Forces are relative to their mean before the software's contact point. Files of Optics11 do not state this
     procedure: it was chosen because it reproduces their numbers (0.5 % on 11 Piuma files, 0.2 % on a Chiaro's, 1.1
     % on one of a later Piuma).
 
@@ -137,7 +125,13 @@ class LeastSquaresFromContact(Recipe):
     before: float = 0.2
 
     def find(self, curve: Curve, radius: float) -> HertzFit:
-        """Fit modulus and contact point by least squares; see `Recipe.find`."""
+        """Repeat the software's fit on a whole curve with a tip of `radius` (m).
+
+        Raises
+        ------
+        CurveError
+            If fewer than eight points lie in its range.
+        """
         first = int(np.argmax(curve.depth > self.contact))
         baseline = float(curve.force[: max(first, 1)].mean())
         force = curve.force - baseline
@@ -154,6 +148,11 @@ class LeastSquaresFromContact(Recipe):
 
     def __str__(self) -> str:
         return f"Hertz with a free contact point, up to {100.0 * self.high:g} % of the force"
+
+
+#: How an instrument's software fits its modulus E_r: Hertz (1882), F = (4/3) E_r sqrt(R) (h - h0)^(3/2), with F the
+#: force, R the tip radius, h the depth and h0 the contact point. Its text is the procedure in words.
+Recipe: TypeAlias = LineInPower | LeastSquaresFromContact
 
 
 def _require(points: NDArray[np.intp]) -> None:
@@ -418,3 +417,53 @@ def _slopes(scene: Scene, solver: Solver, paths: Sequence[str]) -> FloatArray:
             sides.append((np.array([*numbers.values()]) - middle) / (sign * step))
         slopes[row] = np.mean(sides, axis=0) if sides else np.nan
     return slopes
+
+
+def pointwise_modulus(
+    result: Fit | Problem, *, curve: int = 0, points: int = 30, level: float = 0.95
+) -> PointwiseModulus:
+    """Compute the modulus of the layer separately at every depth of a curve.
+
+    It is the fit's modulus, times the ratio of the elastic moduli by which data and fitted model are reproduced
+    there. For an elastic sample that is the modulus by which the force is reproduced; what a sample with memory has
+    relaxed by then is in both.
+
+    Parameters
+    ----------
+    result : Fit or Problem
+        Gives contact point, baseline and everything but the layer's modulus; a problem is fitted first.
+    curve : int, default 0
+        Which curve of a joint fit.
+    points : int, default 30
+        Largest number of depths; each uses eight points of the curve or more.
+    level : float, default 0.95
+        Confidence of the intervals. They include the noise of the points about each depth and the uncertainty of
+        the fitted parameters, under the noise that `Fit.interval` assumes.
+
+    Returns
+    -------
+    PointwiseModulus
+        Depths at which the interval is narrower than twice the modulus, which excludes the first after contact.
+
+    Raises
+    ------
+    InputError
+        If the tip adheres, or the curve is not one of the fit.
+    CurveError
+        If the modulus is determined at no depth.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID)
+    >>> curve = ul.synthesize(scene, np.linspace(0.0, 1e-4, 400), ul.Noise(force=1e-4), rng=0)
+    >>> fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-4)))
+    >>> found = ul.pointwise_modulus(fit)
+    >>> bool(np.all(np.abs(found.apparent.modulus[10:] / 1e6 - 1.0) < 0.01))
+    True
+    >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
+    True
+    """
+    require_given(result, "result", Fit, Problem)
+    found = fit(result) if isinstance(result, Problem) else result
+    return modulus_by_depth(found, curve=curve, points=points, level=level)

@@ -54,8 +54,6 @@ _WORTH_A_WORKER = 100
 # `_SHARE`.
 _EVERY = 10.0
 _SHARE = 50.0
-# Interval (s) at which rows made in this process are passed to the journal.
-_HANDED_ON = 0.2
 
 
 def fit_many(
@@ -243,35 +241,18 @@ def _through(
     options: MapOptions,
 ) -> Generator[Rows, None, None]:
     """Fit curves under a Dask scheduler, in worker processes or in this process; yield rows as they come."""
+    largest = 1 if model.sampling is not None else _LARGEST_CHUNK
     if scheduler is not None:
-        size = 1 if model.sampling is not None else _LARGEST_CHUNK
-        return through_dask(model, layout, todo, size, scheduler, options.timeout)
+        return through_dask(model, layout, todo, largest, scheduler, options.timeout)
     if workers == 0:
-        return _here(model, layout, todo)
+        return CurveFitter(model, layout).batches(todo)
     if workers is None:
         worth = len(todo) if model.sampling is not None else 1 + len(todo) // _WORTH_A_WORKER
         workers = min(_processors(), worth)
     workers = min(workers, len(todo))
-    size = min(_LARGEST_CHUNK, -(-len(todo) // (workers * _CHUNKS_PER_WORKER)))
-    size = 1 if model.sampling is not None else size
+    size = min(largest, -(-len(todo) // (workers * _CHUNKS_PER_WORKER)))
     chunks = [todo[start : start + size] for start in range(0, len(todo), size)]
     return through_processes(model, layout, chunks, workers, options.longest)
-
-
-def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Generator[Rows, None, None]:
-    rows: Rows = []
-    sent = time.monotonic()
-    try:
-        for row in CurveFitter(model, layout).rows(todo):
-            rows.append(row)
-            if time.monotonic() - sent > _HANDED_ON:
-                yield rows
-                rows, sent = [], time.monotonic()
-    except KeyboardInterrupt:
-        # Rows that are there are kept first, then the interruption is passed on.
-        yield rows
-        raise
-    yield rows
 
 
 def _with_manifest(

@@ -34,7 +34,7 @@ from underlay.errors import FitError, InputError, SchedulerError, missing_extra
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
-from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up, work
+from underlay.inference.batch.work import DIED, HANDED_ON, CurveFitter, Rows, given_up, work
 
 # Environment variables that limit libraries of linear algebra to one thread: the matrices here are small, and
 # threads of several processes would compete for the cores. It also makes sums the same to the last bit, whatever
@@ -58,8 +58,6 @@ _MOST_LOST_STARTS = 5
 _LONGEST_START = 300.0
 # Chunks submitted to a Dask cluster per thread: one at work and one waiting.
 _AHEAD = 2
-# Longest interval between two messages with rows (s), so that few rows are lost with a process.
-_EVERY = 0.2
 
 
 @contextmanager
@@ -207,7 +205,7 @@ class _Worker:
         )
         self.places: list[CurvePlace] = []
         self.ready = self.late = False
-        self._patience = math.inf if time_limit is None else time_limit + _EVERY
+        self._patience = math.inf if time_limit is None else time_limit + HANDED_ON
         self.deadline = time.monotonic() + _LONGEST_START
         with start_of_a_process():
             self._process.start()
@@ -285,21 +283,10 @@ def _serve(connection: Connection, message: bytes) -> None:
             connection.send([])
             while True:
                 places = pickle.loads(connection.recv_bytes())  # noqa: S301  same
-                _answer(connection, fitter, places)
+                for rows in filter(None, fitter.batches(places)):
+                    connection.send(rows)
         except (AttributeError, ImportError, pickle.UnpicklingError) as error:
             connection.send(f"{type(error).__name__}: {error}")
-
-
-def _answer(connection: Connection, fitter: CurveFitter, places: Sequence[CurvePlace]) -> None:
-    rows: Rows = []
-    sent = time.monotonic()
-    for row in fitter.rows(places):
-        rows.append(row)
-        if time.monotonic() - sent > _EVERY:
-            connection.send(rows)
-            rows, sent = [], time.monotonic()
-    if rows:
-        connection.send(rows)
 
 
 # --- a Dask cluster -------------------------------------------------------------------------------------

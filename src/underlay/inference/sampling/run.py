@@ -158,7 +158,7 @@ def sample(
     seed, generator = _seeded(rng)
     for_draws, for_walkers, for_bands = generator.spawn(3)
     found = fit(problem)
-    density = Target.of(found)
+    density = Target(found)
     drawn = weigh(density, for_draws)
     if method == "importance":
         if drawn.refused:
@@ -175,7 +175,7 @@ def sample(
             kept as (file, before),
             ProgressLine(*_LINE, shown=progress, total=max_steps, worth="") as line,
         ):
-            run = _Run.begin(density, drawn, walkers, max_steps, for_walkers, file, before)
+            run = _Run(density, drawn, walkers, max_steps, for_walkers, file, before)
             draws = _judged(run, drawn, line, limit, for_draws, names, by_weights=method is None)
     posterior = _assemble(density, draws, for_bands, seed, time.perf_counter() - began)
     _warn(posterior)
@@ -288,31 +288,13 @@ def moves(proposal: Callable[[FloatArray, Any], tuple[FloatArray, FloatArray]]) 
 class _Run:
     """One ensemble of walkers during its run: the chain so far, (steps, walkers, parameters), and its sampler.
 
-    Steps read from a file are replayed and checked in the same way as new ones: all decisions are taken again, so
-    that an interrupted run ends where it would have ended.
+    The walkers are placed by the weighted draws, or at the last step that a file holds. Steps read from a file are
+    replayed and checked in the same way as new ones: all decisions are taken again, so that an interrupted run ends
+    where it would have ended.
     """
 
     def __init__(
         self,
-        sampler: emcee.EnsembleSampler,
-        density: Target,
-        state: emcee.State,
-        max_steps: int,
-        file: ChainFile | None,
-        before: FloatArray,
-    ) -> None:
-        self._sampler, self._density, self._state, self._file = sampler, density, state, file
-        self._coords = np.empty((max_steps, *state.coords.shape))
-        self._log_density = np.empty((max_steps, len(state.coords)))
-        self.max_steps = self._needed = max_steps
-        self._effective = 0.0
-        self.steps, self._kept = 0, min(len(before), max_steps)
-        self._coords[: self._kept] = before[: self._kept, :, :-1]
-        self._log_density[: self._kept] = before[: self._kept, :, -1]
-
-    @classmethod
-    def begin(
-        cls,
         density: Target,
         drawn: WeightedDraws,
         walkers: int,
@@ -320,8 +302,7 @@ class _Run:
         rng: np.random.Generator,
         file: ChainFile | None,
         before: Chain | None,
-    ) -> _Run:
-        """Place the walkers by the weighted draws, or at the last step that a file holds."""
+    ) -> None:
         parameters = drawn.vectors.shape[1]
         kept = np.empty((0, walkers, parameters + 1)) if before is None else before.steps
         words = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
@@ -330,12 +311,21 @@ class _Run:
             last = kept[-1]
             density.evaluations, density.failures = before.evaluations, before.failures
             density.require_same(last[:, :-1], last[:, -1])
-            state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
+            self._state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
         else:
             coords, log_density = _placed(density, drawn, proposal, walkers, rng)
-            state = emcee.State(coords, log_prob=log_density, random_state=words.get_state())
-        sampler = emcee.EnsembleSampler(walkers, parameters, density, moves=moves(proposal), vectorize=True)
-        return cls(sampler, density, state, max_steps, file, kept)
+            self._state = emcee.State(coords, log_prob=log_density, random_state=words.get_state())
+        self._sampler = emcee.EnsembleSampler(
+            walkers, parameters, density, moves=moves(proposal), vectorize=True
+        )
+        self._density, self._file = density, file
+        self._coords = np.empty((max_steps, walkers, parameters))
+        self._log_density = np.empty((max_steps, walkers))
+        self.max_steps = self._needed = max_steps
+        self._effective = 0.0
+        self.steps, self._kept = 0, min(len(kept), max_steps)
+        self._coords[: self._kept] = kept[: self._kept, :, :-1]
+        self._log_density[: self._kept] = kept[: self._kept, :, -1]
 
     @property
     def coords(self) -> FloatArray:
@@ -633,7 +623,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
             f"a chain is {MIN_STEPS} steps or more of walkers in {parameters} scaled coordinates, "
             f"(steps, walkers, {parameters}); got shape {coords.shape}"
         )
-    density = Target.of(fit(problem))
+    density = Target(fit(problem))
     log_density = density(coords.reshape(-1, parameters)).reshape(coords.shape[:2])
     if not np.isfinite(log_density).all():
         step, walker = np.argwhere(~np.isfinite(log_density))[0]
