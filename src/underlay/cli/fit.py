@@ -328,7 +328,11 @@ def benchmark(
     say_table(
         scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
     )
-    reasons = (f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason)
+    refused = scores.table[scores.table["reason"] != ""]
+    reasons = (
+        f"no estimate: {kind}: {reason}"
+        for kind, reason in zip(refused["kind"], refused["reason"], strict=True)
+    )
     say(*dict.fromkeys(reasons))
     tables = {"benchmark.csv": scores.to_frame()}
     if program is None:

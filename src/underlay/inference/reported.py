@@ -106,9 +106,9 @@ class LineInPower:
 class LeastSquaresFromContact:
     """How an Optics11 fits its modulus E_r: least squares in the force with a free contact point.
 
-    Points are used up to a share of the largest force. Forces are relative to their mean before the software's contact point. Files of Optics11 do not state this
-    procedure: it was chosen because it reproduces their numbers (0.5 % on 11 Piuma files, 0.2 % on a Chiaro's, 1.1
-    % on one of a later Piuma).
+    Points are used up to a share of the largest force. Forces are relative to their mean before the software's
+    contact point. Files of Optics11 do not state this procedure: it was chosen because it reproduces their numbers
+    (0.5 % on 11 Piuma files, 0.2 % on a Chiaro's, 1.1 % on one of a later Piuma).
 
     Parameters
     ----------
