@@ -30,9 +30,9 @@ from support.maps import (
 from underlay.inference.batch import processes
 from underlay.inference.batch import work as batch_work
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
+from underlay.inference.journal import Journal
 
 COUNT = 24
 RESUME = ul.MapOptions(resume=True)
@@ -306,7 +306,7 @@ SCRIPT = """
 import os, signal, sys, threading
 sys.path[:0] = {path!r}
 from support.maps import *
-from underlay.inference.batch.journal import Journal
+from underlay.inference.journal import Journal
 append, armed = Journal.append, []
 def appended(self, rows):
     new = append(self, rows)

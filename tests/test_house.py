@@ -230,8 +230,7 @@ DOORS = {
     "data/readers/jpk": {"zipfile.ZipFile"},  # after opened
     "data/readers/_text": {"np.loadtxt", "read_text"},  # lines in memory; a file of the package itself
     "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
-    "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
-    "inference/sampling/chain_file": {"h5py.File"},  # after require_regular
+    "inference/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/published/law": {"read_text"},  # of the package itself

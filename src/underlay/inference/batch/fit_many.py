@@ -23,7 +23,6 @@ from underlay._files import require_writable_folder
 from underlay.errors import InputError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.decisions import DECISIONS
-from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.batch.model import (
     BatchModel,
@@ -35,6 +34,7 @@ from underlay.inference.batch.model import (
 from underlay.inference.batch.processes import through_dask, through_processes
 from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
 from underlay.inference.batch.work import CurveFitter, Rows, file_hash
+from underlay.inference.journal import Journal
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import Given
 from underlay.inference.progress import ProgressLine
@@ -161,7 +161,11 @@ def fit_many(
         require_writable_folder(table.parent)
     path = None if table is None else table.with_name(f"{table.name}.journal")
     identity = _identity(model, places, layout)
-    with Journal(path, identity, layout.is_row, resume=options.resume) as journal:
+
+    def is_row(index: int, text: str) -> bool:
+        return index in range(len(places)) and layout.is_row(text)
+
+    with Journal(path, identity, is_row, resume=options.resume) as journal:
         _require_same_files(journal, places, layout)
         todo = [place for place in places if not journal.has(place.index)]
         if todo:

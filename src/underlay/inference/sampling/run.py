@@ -115,7 +115,7 @@ def sample(
     rng : int or numpy Generator, default 0
         Seed, or a generator to draw one from. The same seed gives the same posterior.
     backend : path, optional
-        HDF5 file to which every step is written at once (extra ``uq``), so that a killed process loses none.
+        File to which every step is written at once (an SQLite database), so that a killed process loses none.
     resume : bool, default False
         Continue the chain in `backend`, as if it had never stopped; begin it if there is no such file.
     progress : bool or callable, optional
@@ -140,8 +140,8 @@ def sample(
         is not set, or it holds the chain of another problem.
     FitError
         If nothing can be fitted, or ``"importance"`` is requested and the weights are not trusted: it says why.
-    MissingExtraError
-        If `backend` is given and h5py is not installed.
+    FileAccessError, FileFormatError
+        If the file `backend` cannot be written, or is no chain.
 
     Warns
     -----
@@ -169,7 +169,7 @@ def sample(
         kept = (
             nullcontext((None, None))
             if backend is None
-            else open_chain(backend, names, (max_steps, walkers), resume=resume)
+            else open_chain(backend, names, walkers, resume=resume)
         )
         with (
             kept as (file, before),

@@ -1,8 +1,8 @@
-"""The journal of a map under way: an SQLite database to which rows are written as they come.
+"""The journal of a map or a Markov chain under way: an SQLite database to which rows are written as they come.
 
-It has two tables: ``run`` identifies the run (hashes of scene, manifest and curves; only the same run may continue
-it), ``row`` holds the rows of the map's table, each with a checksum. The process may be killed and the disk may
-fill at any moment: complete rows stay. The table that people read is made from it.
+It has two tables: ``run`` identifies the run (of a map, hashes of scene, manifest and curves; only the same run may
+continue it), ``row`` holds its rows, each with a checksum. The process may be killed and the disk may fill at any
+moment: complete rows stay. The table or the posterior that people read is made from it.
 
 A journal is checked before it is used: it is opened for reading first, must hold these two tables and nothing else,
 and a row that does not belong to this run is fitted again.
@@ -28,25 +28,28 @@ _TABLES = (
     "CREATE TABLE run (identity TEXT NOT NULL)",
     "CREATE TABLE row (curve INTEGER PRIMARY KEY, line TEXT NOT NULL, crc INTEGER NOT NULL)",
 )
-# Bytes of the longest value that is read: the hashes and columns of a run take some thousand, a row some hundred.
+# Bytes of the longest value that is read: the hashes and columns of a run take some thousand, a row of a map some
+# hundred, a step of a chain eleven per number.
 _LONGEST = 1_000_000
 # Endings of the database and of SQLite's companion files.
 _ENDINGS = ("", "-wal", "-shm", "-journal")
 
 
 class Journal:
-    """Rows of a map, one per curve, in a file or in memory. A context manager.
+    """Numbered rows of text, in a file or in memory. A context manager.
 
     Parameters
     ----------
     path : Path or None
         The file; None for a journal in memory, which is lost when it is closed.
     identity : mapping
-        Identifies the run: ``hashes`` (name of an input to its SHA-256), ``columns``, ``curves`` (their number).
+        Identifies the run: ``hashes`` (what an input is called, and its SHA-256 or value), and anything else.
     is_row : callable
-        Whether a text is a row of this run's table.
+        Whether a number and a text are a row of this run.
     resume : bool
         Continue the file if it exists. Otherwise it must not exist.
+    what, rows : str
+        What messages call the file and its rows.
 
     Raises
     ------
@@ -60,9 +63,17 @@ class Journal:
     """
 
     def __init__(
-        self, path: Path | None, identity: Mapping[str, Any], is_row: Callable[[str], bool], *, resume: bool
+        self,
+        path: Path | None,
+        identity: Mapping[str, Any],
+        is_row: Callable[[int, str], bool],
+        *,
+        resume: bool,
+        what: str = "the journal of a map",
+        rows: str = "curves",
     ) -> None:
-        self._there = bytearray(int(identity["curves"]))
+        self._there: set[int] = set()
+        self._what, self._rows = what, rows
         self.path = path or Path("the journal in memory")
         if path is None:
             self._file = _connected(":memory:")
@@ -98,25 +109,26 @@ class Journal:
     @property
     def done(self) -> int:
         """Number of rows there are."""
-        return sum(self._there)
+        return len(self._there)
 
     def has(self, index: int) -> bool:
-        """Whether the row of the curve with this index is there."""
-        return bool(self._there[index])
+        """Whether the row of this number is there."""
+        return index in self._there
 
-    def append(self, rows: Iterable[tuple[int, str]]) -> int:
-        """Append rows (index, CSV text), all or none of them; return how many were new.
+    def append(self, rows: Iterable[tuple[int, str]], *, anew: bool = False) -> int:
+        """Append rows (number, text), all or none of them; return how many were written.
+
+        Rows that are there are kept, or with `anew` replaced.
 
         Raises
         ------
         FileAccessError
             If the disk is full or gone; what was there before is kept.
         """
-        fresh = {index: _plain(text) for index, text in rows if not self.has(index)}
+        fresh = {index: _plain(text) for index, text in rows if anew or not self.has(index)}
         with self._reported():
             self._write(fresh)
-        for index in fresh:
-            self._there[index] = True
+        self._there.update(fresh)
         return len(fresh)
 
     def sync(self) -> None:
@@ -125,7 +137,7 @@ class Journal:
             self._file.execute("PRAGMA wal_checkpoint")
 
     def lines(self) -> Iterator[str]:
-        """Rows as CSV text, in the order of their curves."""
+        """The texts of the rows, in the order of their numbers."""
         with self._reported():
             for (line,) in self._file.execute("SELECT line FROM row ORDER BY curve"):
                 yield line.decode()
@@ -146,7 +158,7 @@ class Journal:
             if not schema and not any(marks):
                 return False
             if schema != list(_TABLES) or marks != [_APPLICATION, _FORM]:
-                raise FileFormatError(f"{self.path} is not the journal of a map; choose another output")
+                raise FileFormatError(f"{self.path} is not {self._what}; choose another output")
             if file.execute("PRAGMA quick_check(1)").fetchall() != [(b"ok",)]:
                 raise FileFormatError(_damaged(self.path))
             runs = file.execute("SELECT identity FROM run LIMIT 2").fetchall()
@@ -168,7 +180,7 @@ class Journal:
             else "other columns were asked for when"
         )
         raise InputError(
-            f"{self.path} belongs to another run: {what} it was begun. Results of both in one table would "
+            f"{self.path} belongs to another run: {what} it was begun. Results of both together would "
             "mislead: put back what changed, or choose another output"
         )
 
@@ -188,13 +200,13 @@ class Journal:
             self._file.execute(f"PRAGMA application_id = {_APPLICATION}")
             self._file.execute(f"PRAGMA user_version = {_FORM}")
 
-    def _find_rows(self, is_row: Callable[[str], bool]) -> None:
-        """Find the rows that are there, and delete those with a wrong checksum or form: they are fitted again."""
+    def _find_rows(self, is_row: Callable[[int, str], bool]) -> None:
+        """Find the rows that are there, and delete those with a wrong checksum or form: they are made again."""
         foreign = []
         for curve, line, crc in self._file.execute("SELECT curve, line, crc FROM row"):
             text = _text(line)
-            if 0 <= curve < len(self._there) and crc == zlib.crc32(text.encode()) and is_row(text):
-                self._there[curve] = True
+            if crc == zlib.crc32(text.encode()) and is_row(curve, text):
+                self._there.add(curve)
             else:
                 foreign.append((curve,))
         if foreign:
@@ -204,7 +216,7 @@ class Journal:
     def _write(self, rows: Mapping[int, str]) -> None:
         with self._transaction():
             self._file.executemany(
-                "INSERT INTO row VALUES (?, ?, ?)",
+                "INSERT OR REPLACE INTO row VALUES (?, ?, ?)",
                 [(index, text, zlib.crc32(text.encode())) for index, text in rows.items()],
             )
 
@@ -235,7 +247,7 @@ class Journal:
         if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             return InputError(f"another run is writing to {self.path}; wait for it, or end it")
         if code == sqlite3.SQLITE_NOTADB:
-            return FileFormatError(f"{self.path} is not the journal of a map; choose another output")
+            return FileFormatError(f"{self.path} is not {self._what}; choose another output")
         if code in (
             sqlite3.SQLITE_FULL,
             sqlite3.SQLITE_IOERR,
@@ -245,8 +257,8 @@ class Journal:
             sqlite3.SQLITE_AUTH,
         ):
             return FileAccessError(
-                f"cannot write {self.path}: {error}; {self.done} curves are kept: make room and continue with "
-                "resume (--resume)"
+                f"cannot write {self.path}: {error}; {self.done} {self._rows} are kept: make room and continue "
+                "with resume (--resume)"
             )
         return FileFormatError(_damaged(self.path))
 
