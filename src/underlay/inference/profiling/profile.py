@@ -40,6 +40,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -68,16 +69,9 @@ from underlay.inference.profiling.profile_result import (
     require_chance,
     require_draws,
 )
-from underlay.inference.profiling.walk import constrained_fit, index_of, missed, walked
+from underlay.inference.profiling.walk import constrained_fit, index_of, missed, outwards, walked
 from underlay.scene.noise import NoiseModel
 
-# Steps of a noise profile, as in `walk.py`: step in z = sqrt(t); rise of z in one step beyond which a shorter step
-# is tried; largest growth of a step; farthest scaled coordinate (a factor 1.6e5); most steps.
-_STEP = 0.5
-_STEEPEST = 2.0 * _STEP
-_GROWTH = 2.0
-_FARTHEST = 12.0
-_MOST_STEPS = 60
 # Most alternations between model and noise (they are orthogonal for a Gaussian, and the second changes little), and
 # the change of a scaled coordinate below which they end.
 _MOST_ROUNDS = 5
@@ -227,9 +221,9 @@ def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
     """
     index = fit.names.index(name)
     best = restricted_log_likelihood(fit.problem, fit.vector, _linear(fit.problem, fit.vector))
-    below, above = (_side(fit, index, best, direction) for direction in (-1.0, 1.0))
-    vectors = np.array([*below[0][::-1], fit.vector, *above[0]])
-    rises = np.array([*below[1][::-1], 0.0, *above[1]])
+    below, above = (_side(fit, index, -2.0 * best, direction) for direction in (-1.0, 1.0))
+    vectors = np.array([*below[0][:0:-1], *above[0]])
+    rises = np.array([*below[1][:0:-1], *above[1]])
     return LikelihoodProfile(
         name=name,
         fit=fit,
@@ -240,42 +234,25 @@ def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
     )
 
 
-def _side(fit: Fit, index: int, best: float, direction: float) -> tuple[list[FloatArray], list[float], str]:
+def _side(fit: Fit, index: int, base: float, direction: float) -> tuple[list[FloatArray], list[float], str]:
     """One side of a noise profile: vectors and rises t outwards from the fit, and why the side ends."""
-    bound = fit.problem.bounds[index][1 if direction > 0.0 else 0]
-    here = float(fit.vector[index])
-    room = abs(bound - here)
-    deviation = float(np.sqrt(fit.scaled_covariance[index, index]))
-    step = shortest = _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
-    vectors: list[FloatArray] = []
-    rises: list[float] = []
-    travelled, z = 0.0, 0.0
-    for _ in range(_MOST_STEPS):
-        step = min(step, room - travelled)
-        if step <= 1e-12 * (1.0 + travelled):
-            return vectors, rises, "bound"
-        # A parameter that others can replace may have its best value far out on a plateau, from which it must come
-        # back.
-        if travelled >= _FARTHEST and direction * (here + direction * travelled) >= _FARTHEST:
-            return vectors, rises, "none"
-        start = vectors[-1] if vectors else fit.vector
-        vector, likelihood = _held(fit, start, index, here + direction * (travelled + step))
-        rise = 2.0 * (best - likelihood)
-        climb = float(np.sqrt(max(rise, 0.0))) - z
-        if climb > _STEEPEST and step > 1e-3 * shortest:
-            step *= max(_STEP / climb, 0.1)
-            continue
-        travelled, z = travelled + step, z + climb
-        vectors.append(vector)
-        rises.append(rise)
-        if rise > HIGHEST**2:
-            return vectors, rises, "data"
-        step = min(_STEP * step / abs(climb), _GROWTH * step) if climb else _GROWTH * step
-    return vectors, rises, "none"
+    vectors, rises = [fit.vector], [0.0]
+    places = vectors, rises
+    reason = outwards(
+        fit, index, base, places, direction, HIGHEST, lambda q: _held(fit, vectors[-1], index, q)
+    )
+    return vectors, rises, reason
 
 
-def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray, float]:
-    """The vector (k,) optimised with entry `index` at q, and its restricted log-likelihood."""
+class _Held(NamedTuple):
+    """A scaled vector (k,) with a noise parameter held, and minus twice its restricted log-likelihood."""
+
+    vector: FloatArray
+    square: float
+
+
+def _held(fit: Fit, start: FloatArray, index: int, q: float) -> _Held:
+    """The vector (k,) optimised with entry `index` at q."""
     problem = fit.problem
     vector: FloatArray = np.array(start)
     vector[index] = q
@@ -286,13 +263,13 @@ def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray
         found = vector if minimum is None else minimum.vector
         linear = _linear(problem, found)
         if not others:
-            return found, restricted_log_likelihood(problem, found, linear)
+            return _Held(found, -2.0 * restricted_log_likelihood(problem, found, linear))
         renewed = most_likely(problem, found, others, linear)
         settled = bool((np.abs(renewed - vector) < _SETTLED).all())
         vector = renewed
         if settled:
             break
-    return vector, restricted_log_likelihood(problem, vector, linear)
+    return _Held(vector, -2.0 * restricted_log_likelihood(problem, vector, linear))
 
 
 def _noises(fit: Fit, vector: FloatArray) -> list[NoiseModel]:

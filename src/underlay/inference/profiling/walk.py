@@ -6,7 +6,9 @@ A fit with a parameter held starts from every optimum that the fit found and fro
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -157,74 +159,29 @@ class Walk:
         The reason of its end is ``"lost"`` if only there a better fit of the other parameters was found. With
         `watchful` such a fit is looked for at every step.
         """
-        bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
-        here = float(self.vectors[0][self.index])
-        room = abs(bound - here)
-        step = first = self._first_step()
-        wall = np.inf
-        for _ in range(_MOST_STEPS):
-            travelled = abs(float(self.vectors[-1][self.index]) - here)
-            is_far = direction * float(self.vectors[-1][self.index]) >= _FARTHEST - _ROUNDED
-            at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
-            # Far out on a plateau it is the range of floating-point numbers that ends, and not that of the laws.
-            if at_wall and not is_far:
-                return replace(self, reason="law")
-            # Half the way to where there was no law, once that is known.
-            step = min(step, room - travelled, 0.5 * (wall - travelled), self._left(direction, travelled))
-            if step <= 1e-12 * (1.0 + travelled):
-                return replace(self, reason="bound")
-            # From an optimum far out on a plateau (a base that might be rigid) the profile goes all the way back.
-            if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
-                return replace(self, reason="none")
-            q = here + direction * (travelled + step)
-            found = self.follow(q, rough=True)
-            if found is None:
-                wall = travelled + step
-                continue
-            climb = self._z(self.delta_chi_square(found)) - self._z(self.delta_chi_squares[-1])
-            if climb > _STEEPEST and step > 1e-3 * first:
-                # A valley that lies open at the optimum and closes further on: its curvature there, or the
-                # slope of the last step, foretold too long a step, and there is nothing to read between; or
-                # a second basin lies within it.
-                step *= max(_STEP / climb, 0.1)
-                continue
-            ended = self.delta_chi_square(found) > highest**2
-            if ended or (watchful and self.in_doubt(found)):
-                other = self.look_elsewhere(q, found) or found
-                if not watchful and self.delta_chi_square(other) < self.delta_chi_square(found) - _BETTER:
-                    return replace(self, reason="lost")
-                found, ended = other, self.delta_chi_square(other) > highest**2
-            self.vectors.append(found.vector)
-            self.delta_chi_squares.append(self.delta_chi_square(found))
-            if ended:
-                return replace(self, reason="data")
-            step = self._next_step(step)
-        return replace(self, reason="none")
 
-    def _left(self, direction: float, travelled: float) -> float:
-        """Distance (scaled) to where a profile that stays flat ends: nothing is computed further out.
+        def settled(q: float, found: Point) -> Point | None:
+            rise = self.delta_chi_square(found)
+            if rise <= highest**2 and not (watchful and self.in_doubt(found)):
+                return found
+            other = self.look_elsewhere(q, found) or found
+            return other if watchful or self.delta_chi_square(other) >= rise - _BETTER else None
 
-        `direction` is 1 or -1, `travelled` the distance from the start.
-        """
-        left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
-        return left if left > _ROUNDED else np.inf
+        reason = outwards(
+            self.fit,
+            self.index,
+            self.base,
+            (self.vectors, self.delta_chi_squares),
+            direction,
+            highest,
+            lambda q: self.follow(q, rough=True),
+            settled,
+        )
+        return replace(self, reason=reason)
 
     def delta_chi_square(self, found: Point) -> float:
         """Rise t of chi-square at a point, above the fit."""
         return found.square - self.base
-
-    @staticmethod
-    def _z(rise: float) -> float:
-        return float(np.sqrt(max(rise, 0.0)))
-
-    def _first_step(self) -> float:
-        deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
-        return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
-
-    def _next_step(self, step: float) -> float:
-        """Step in the scaled parameter for half a unit of z = sqrt(t), from the slope of z over the last step."""
-        slope = abs(self._z(self.delta_chi_squares[-1]) - self._z(self.delta_chi_squares[-2])) / step
-        return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
     def in_doubt(self, found: Point | None) -> bool:
         """Whether a better fit of the other parameters than `found` could still change an interval."""
@@ -283,7 +240,7 @@ class Walk:
         quick = self._search(begin, replace(_FINE, steps=_QUICK))
         if quick is None or quick.success:
             return None if quick is None else self._off_plateau(quick.point)
-        climb = self._z(self.delta_chi_square(quick.point)) - self._z(self.delta_chi_squares[-1])
+        climb = _root(self.delta_chi_square(quick.point)) - _root(self.delta_chi_squares[-1])
         if climb > _FAR_TOO_STEEP:
             return quick.point
         return self._minimised(quick.point.vector)
@@ -358,6 +315,95 @@ class Walk:
         tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
         tangent[self.index] = 1.0
         return tangent
+
+
+def outwards(
+    fit: Fit,
+    index: int,
+    base: float,
+    places: tuple[list[FloatArray], list[float]],
+    direction: float,
+    highest: float,
+    follow: Callable[[float], Any],
+    settled: Callable[[float, Any], Any] = lambda _, found: found,
+) -> str:
+    """Step from the last place of a profile outwards, until z = sqrt(t) exceeds `highest` or the way ends.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    index : int
+        Entry of the profiled parameter in a scaled vector.
+    base : float
+        What the `square` of a place is at t = 0.
+    places : (list of FloatArray, list of float)
+        Scaled vectors (k,) and their t; the places of the way are appended.
+    direction : float
+        1 or -1.
+    highest : float
+        The largest z.
+    follow : callable
+        The place with the parameter held at a scaled value: its `vector` (k,) and its `square`, which is base + t;
+        None where no law exists.
+    settled : callable
+        A place that is kept, from the scaled value and what `follow` gave; None gives up.
+
+    Returns
+    -------
+    str
+        Why it ends: ``"data"``, ``"bound"``, ``"law"``, ``"none"``, or ``"lost"`` where `settled` gave up.
+    """
+    vectors, rises = places
+    here = float(vectors[0][index])
+    room = abs(fit.problem.bounds[index][1 if direction > 0.0 else 0] - here)
+    deviation = float(np.sqrt(fit.scaled_covariance[index, index]))
+    step = first = _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
+    wall = np.inf
+    for _ in range(_MOST_STEPS):
+        last = float(vectors[-1][index])
+        travelled = abs(last - here)
+        is_far = direction * last >= _FARTHEST - _ROUNDED
+        at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
+        # Far out on a plateau it is the range of floating-point numbers that ends, and not that of the laws.
+        if at_wall and not is_far:
+            return "law"
+        # A profile that stays flat ends there: nothing is computed further out.
+        left = _FARTHEST - min(travelled, direction * last)
+        # Half the way to where there was no law, once that is known.
+        step = min(step, room - travelled, 0.5 * (wall - travelled), left if left > _ROUNDED else np.inf)
+        if step <= 1e-12 * (1.0 + travelled):
+            return "bound"
+        # From an optimum far out on a plateau (a base that might be rigid) the profile goes all the way back.
+        if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
+            return "none"
+        q = here + direction * (travelled + step)
+        found = follow(q)
+        if found is None:
+            wall = travelled + step
+            continue
+        climb = _root(found.square - base) - _root(rises[-1])
+        if climb > _STEEPEST and step > 1e-3 * first:
+            # A valley that lies open at the optimum and closes further on: its curvature there, or the slope of the
+            # last step, foretold too long a step, and there is nothing to read between; or a second basin lies
+            # within it.
+            step *= max(_STEP / climb, 0.1)
+            continue
+        found = settled(q, found)
+        if found is None:
+            return "lost"
+        vectors.append(found.vector)
+        rises.append(found.square - base)
+        if rises[-1] > highest**2:
+            return "data"
+        # Half a unit of z, from the slope of z over the last step.
+        slope = abs(_root(rises[-1]) - _root(rises[-2])) / step
+        step = min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+    return "none"
+
+
+def _root(rise: float) -> float:
+    return float(np.sqrt(max(rise, 0.0)))
 
 
 def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
