@@ -144,40 +144,30 @@ class Walk:
         t is the rise of chi-square, `direction` 1 or -1. Where the other parameters turn out at that end to fit
         better elsewhere, the profile is made again with a search at every step.
         """
-        walked = self._afresh()._steps(direction, highest, watchful=False)  # noqa: SLF001  own class
-        if walked.reason != "lost":
-            return walked
-        return self._afresh()._steps(direction, highest, watchful=True)  # noqa: SLF001  own class
+        walk = self._gone(direction, highest, watchful=False)
+        return walk if walk.reason != "lost" else self._gone(direction, highest, watchful=True)
 
-    def _afresh(self) -> Walk:
-        """Return the profile with its starting point only."""
-        return replace(self, vectors=self.vectors[:1], delta_chi_squares=self.delta_chi_squares[:1])
-
-    def _steps(self, direction: float, highest: float, *, watchful: bool) -> Walk:
-        """Make the profile once, up to z = sqrt(t) of `highest`, t the rise of chi-square.
+    def _gone(self, direction: float, highest: float, *, watchful: bool) -> Walk:
+        """Make the profile once, from its starting point.
 
         The reason of its end is ``"lost"`` if only there a better fit of the other parameters was found. With
         `watchful` such a fit is looked for at every step.
         """
+        walk = replace(self, vectors=self.vectors[:1], delta_chi_squares=self.delta_chi_squares[:1])
 
         def settled(q: float, found: Point) -> Point | None:
-            rise = self.delta_chi_square(found)
-            if rise <= highest**2 and not (watchful and self.in_doubt(found)):
+            rise = walk.delta_chi_square(found)
+            if rise <= highest**2 and not (watchful and walk.in_doubt(found)):
                 return found
-            other = self.look_elsewhere(q, found) or found
-            return other if watchful or self.delta_chi_square(other) >= rise - _BETTER else None
+            other = walk.look_elsewhere(q, found) or found
+            return other if watchful or walk.delta_chi_square(other) >= rise - _BETTER else None
 
-        reason = outwards(
-            self.fit,
-            self.index,
-            self.base,
-            (self.vectors, self.delta_chi_squares),
-            direction,
-            highest,
-            lambda q: self.follow(q, rough=True),
-            settled,
-        )
-        return replace(self, reason=reason)
+        def follow(q: float) -> Point | None:
+            return walk.follow(q, rough=True)
+
+        places = walk.vectors, walk.delta_chi_squares
+        reason = outwards(walk.fit, walk.index, walk.base, places, direction, highest, follow, settled)
+        return replace(walk, reason=reason)
 
     def delta_chi_square(self, found: Point) -> float:
         """Rise t of chi-square at a point, above the fit."""
