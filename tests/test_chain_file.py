@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.inference.sampling.chain_file import open_chain
+from underlay.inference.journal import open_chain
 
 NAMES = ("layer.E", "layer.thickness")
 RNG = np.random.default_rng(0)

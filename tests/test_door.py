@@ -29,7 +29,7 @@ from underlay._door import (
 from underlay.data.curve import check_fittable
 from underlay.inference.batch.decisions import read_map
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.sampling.chain_file import open_chain
+from underlay.inference.journal import open_chain
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import parse_quantity
 

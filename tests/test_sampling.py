@@ -25,10 +25,10 @@ from support.posterior_cases import (
     halfspace_problem,
     halfspace_scene,
 )
+from underlay.inference.journal import open_chain
 from underlay.inference.priors import Flat
 from underlay.inference.sampling import draws as drawing
 from underlay.inference.sampling import run as sampling
-from underlay.inference.sampling.chain_file import open_chain
 from underlay.inference.sampling.diagnostics import (
     DETERMINED,
     UNDETERMINED,

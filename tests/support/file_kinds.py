@@ -17,8 +17,7 @@ from underlay.cli.report import _Asked
 from underlay.data.export import write_curves
 from underlay.inference.batch.decisions import is_map, read_map
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.journal import Journal
-from underlay.inference.sampling.chain_file import open_chain
+from underlay.inference.journal import Journal, open_chain
 from underlay.report import maps
 from underlay.scene.scene_file import read_scene_file
 

@@ -33,6 +33,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError, UnderlayWarning
+from underlay.inference.journal import Chain, ChainFile, open_chain
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit
 from underlay.inference.least_squares.provenance import provenance
@@ -40,7 +41,6 @@ from underlay.inference.model.laws import quiet_law
 from underlay.inference.priors import Uniform, require_proper
 from underlay.inference.problem import Problem
 from underlay.inference.progress import ProgressLine
-from underlay.inference.sampling.chain_file import Chain, ChainFile, open_chain
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.inference.sampling.diagnostics import (
     MIN_STEPS,
