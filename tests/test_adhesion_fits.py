@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.p_values import delta_chi_square_at
 from underlay.inference.least_squares import adhesive as adhesive_start
-from underlay.inference.profiling.walked import delta_chi_square_at
 from underlay.inference.sampling.derived import derived_quantities
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))

@@ -27,13 +27,12 @@ from support.maps import (
     truth,
     write_folder,
 )
-from underlay.inference.batch import fit_many as batch
 from underlay.inference.batch import processes
 from underlay.inference.batch import work as batch_work
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
+from underlay.inference.journal import Journal
 
 COUNT = 24
 RESUME = ul.MapOptions(resume=True)
@@ -87,18 +86,51 @@ def test_the_truth_is_found_with_its_uncertainty(serial):
 
 
 def test_every_number_is_that_of_a_single_fit(curves, manifest, serial):
+    quick = run(curves, manifest, answers=False)
     for index in (0, 7, COUNT - 1):
         scene = SCENE.with_values({"layer.thickness": manifest[index]["layer.thickness"]})
-        single = ul.fit(ul.Problem(scene, curves[index], FREE, solver=ul.Auto(1e-4)))
+        single = ul.fit(ul.Problem(scene, curves[index], FREE, solver=SOLVER))
         row = serial.iloc[index]
         # Laws of a problem and of a map are solved over other ranges: each is within its tolerance of the
         # exact one.
         assert row["layer.E"] == pytest.approx(single.values["layer.E"], rel=1e-4)
-        known = single.answer("layer.E")
-        ends = [row[f"layer.E.{end}"] for end in ("low", "high", "stat.low", "stat.high")]
-        alone = [known.low, known.high, known.statistical.low, known.statistical.high]
-        assert ends == pytest.approx(alone, rel=1e-3)
+        for path in FREE:
+            known = single.answer(path)
+            ends = [row[f"{path}.{end}"] for end in ("low", "high", "stat.low", "stat.high")]
+            alone = [known.low, known.high, known.statistical.low, known.statistical.high]
+            assert ends == pytest.approx(alone, rel=1e-3)
+            # Without answers a row has the same values and the errors of the fit.
+            assert quick[path][index] == row[path]
+            assert quick[f"{path}.stderr"][index] == pytest.approx(single.stderr[path], rel=1e-3)
         assert row["rms"] == pytest.approx(np.sqrt(np.mean(single.residuals[0] ** 2)), rel=1e-4)
+        assert row["verdict"] == single.verdict.word
+        assert all(reason in row["reason"] for reason in single.verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    ("scene", "own"),
+    [
+        (SCENE, {"layer.nu": 0.3}),
+        (ul.Scene(ul.Sphere(5e-4), SCENE.layer, ul.RIGID), {"layer.nu": 0.3}),
+        (ul.Scene(ul.Paraboloid(5e-4), SCENE.layer, ul.Isotropic(3e5, 0.3)), {"layer.nu": 0.3}),
+        (ul.Scene(ul.Sphere(5e-4), SCENE.layer, ul.Isotropic(1e7, 0.3)), {"layer.nu": 0.3}),
+        # The buried layer stays as thick.
+        (
+            ul.Scene(ul.Paraboloid(5e-4), SCENE.layer, ul.Stack([SCENE.layer], ul.Isotropic(1e7, 0.3))),
+            {"layer.thickness": 5e-4},
+        ),
+    ],
+)
+def test_a_row_with_a_number_of_its_own_is_that_of_a_map_of_it(scene, own):
+    there = scene.with_values(own)
+    depth = np.linspace(-3e-5, 6e-5, 200)
+    curve = ul.synthesize(there, depth, ul.Noise(force=2e-4 * there.force(6e-5)), rng=3)
+    with_own, plain = (
+        ul.fit_many([curve], start, FREE, manifest, workers=0)
+        for start, manifest in ((scene, [{"file": "curve 0", **own}]), (there, None))
+    )
+    for path in FREE:
+        assert with_own[path][0] == pytest.approx(plain[path][0], rel=1e-9)
 
 
 def test_any_number_of_workers_gives_the_same_bits(curves, manifest, serial):
@@ -270,7 +302,7 @@ SCRIPT = """
 import os, signal, sys, threading
 sys.path[:0] = {path!r}
 from support.maps import *
-from underlay.inference.batch.journal import Journal
+from underlay.inference.journal import Journal
 append, armed = Journal.append, []
 def appended(self, rows):
     new = append(self, rows)
@@ -395,7 +427,7 @@ def test_a_full_disk_keeps_what_was_written(curves, manifest, serial, tmp_path, 
 
     with monkeypatch.context() as patch:
         patch.setattr(Journal, "_write", write)
-        patch.setattr(batch, "_HANDED_ON", -1.0)
+        patch.setattr(batch_work, "HANDED_ON", -1.0)
         with pytest.raises(ul.FileAccessError, match=r"full.*6 curves are kept.*resume"):
             run(curves, manifest, output=output)
     assert len(pd.read_csv(output / "map.csv")) == 6
@@ -535,16 +567,3 @@ def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
     )
     assert other.loc[0, "layer.E"] == one.loc[0, "layer.E"]
     assert other.loc[0, "layer.E.stat.low"] != one.loc[0, "layer.E.stat.low"]
-
-
-def test_intervals_and_verdicts_are_those_of_single_fits(curves):
-    table = run(curves[:2])
-    for row, curve in zip(table.to_dict("records"), curves, strict=False):
-        alone = ul.fit(ul.Problem(SCENE, curve, FREE, solver=SOLVER))
-        for path in FREE:
-            known = alone.interval(path)
-            assert [row[f"{path}.low"], row[f"{path}.high"]] == pytest.approx(
-                [known.low, known.high], rel=1e-3
-            )
-        assert (row["verdict"] == "good") == (alone.verdict.word == "good")
-        assert all(reason in row["reason"] for reason in alone.verdict.reasons)

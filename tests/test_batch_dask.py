@@ -97,7 +97,7 @@ def test_files_that_the_workers_do_not_see_are_refused(cluster, tmp_path, monkey
     options["options"] = ul.MapOptions(timeout=60.0)
     seen = ul.fit_many(folder, scene, **options)
     assert (seen["status"] == "fitted").all()
-    monkeypatch.setattr("underlay.inference.batch.dask._sees", lambda _: False)
+    monkeypatch.setattr("underlay.inference.batch.processes._sees", lambda _: False)
     with pytest.raises(ul.SchedulerError, match="does not see"):
         ul.fit_many(folder, scene, **options)
 

@@ -121,7 +121,7 @@ def test_what_cannot_be_scored_is_said():
         ul.benchmark(kinds=["plastic"])
     refused = ul.benchmark("garcia2018", kinds=["stacked"])
     assert refused.summary().iloc[0]["answered"] == "0 of 5"
-    assert "rigid substrate" in refused.scores[0].reason
+    assert "rigid substrate" in refused.table["reason"][0]
 
 
 PROGRAM = """

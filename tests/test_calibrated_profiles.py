@@ -9,11 +9,11 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
+from support.p_values import delta_chi_square_at, p_value_at
 from underlay.inference.least_squares.models import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.profiling.calibrated_profile import draw_delta_chi_squares, p_value_at, redrawn
+from underlay.inference.profiling.profile import draw_delta_chi_squares, redrawn
 from underlay.inference.profiling.profile_result import Draws
-from underlay.inference.profiling.walked import delta_chi_square_at
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage

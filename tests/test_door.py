@@ -10,7 +10,6 @@ import subprocess
 import sys
 import zipfile
 
-import h5py
 import numpy as np
 import pytest
 
@@ -30,7 +29,7 @@ from underlay._door import (
 from underlay.data.curve import check_fittable
 from underlay.inference.batch.decisions import read_map
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.sampling.chain_file import ChainFile
+from underlay.inference.journal import open_chain
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import parse_quantity
 
@@ -128,11 +127,15 @@ def test_every_way_in_refuses_a_pipe(folder):
         lambda: read_start(pipe, 4),
         lambda: sha256_of(pipe),
         lambda: read_map(pipe),
-        lambda: ChainFile.resume(pipe, ("layer.E",), (6, 4)).__enter__(),
     ]
     for read in reads:
         with pytest.raises(ul.FileAccessError, match="pipe or device"):
             read()
+    with (
+        pytest.raises(ul.FileAccessError, match="not a regular file"),
+        open_chain(pipe, ("layer.E",), 4, resume=True),
+    ):
+        pass
 
 
 def test_a_file_is_read_up_to_its_bound(tmp_path):
@@ -387,35 +390,22 @@ def test_documents_with_values_of_another_kind(saved, path, value, tmp_path):
         ul.Posterior.load(changed(saved, tmp_path / "p.npz", "about", array(np.array(json.dumps(about)))))
 
 
-@pytest.mark.parametrize(
-    "change", ["shape", "kind", "soft", "external", "steps", "no steps", "names", "state", "nan"]
-)
-def test_chains_that_are_not_laid_out_as_such(change, tmp_path):
-    path, names = tmp_path / "chain.h5", ("layer.E", "layer.thickness")
-    with ChainFile.create(path, names, (6, 4)) as file:
-        file.append(np.ones((4, 2)), np.ones(4), np.random.RandomState(1).get_state(), (1, 0))
-    with h5py.File(path, "r+") as file:
-        if change == "steps":
-            file["steps"][0] = 1e9
-        elif change == "names":
-            file.attrs["parameters"] = "[" * 2000
-        elif change == "state":
-            file["state"][1] = np.nan
-        elif change == "nan":
-            file["chain"][0] = np.nan
-        else:
-            name = "steps" if change == "no steps" else "chain"
-            del file[name]
-            if change == "shape":
-                file["chain"] = np.ones((6, 4, 9))
-            elif change == "kind":
-                file["chain"] = np.array([b"text"])
-            elif change == "soft":
-                file["chain"] = h5py.SoftLink("/state")
-            elif change == "external":
-                file["chain"] = h5py.ExternalLink("other.h5", "chain")
-    told = r"chain\.h5 is not a chain file, or damaged"
-    with pytest.raises(ul.FileFormatError, match=told), ChainFile.resume(path, names, (6, 4)):
+@pytest.mark.parametrize("change", ["state", "words", "nan", "gap"])
+def test_chains_that_are_none(change, tmp_path):
+    """Rows with a right checksum and size, of numbers that are no chain."""
+    path, names = tmp_path / "a.chain", ("layer.E", "layer.thickness")
+    with open_chain(path, names, 4, resume=False) as (file, _):
+        state = list(np.random.RandomState(1).get_state())
+        for step in range(3):
+            coords = np.full((4, 2), np.nan if change == "nan" else 1.0)
+            if change == "state":
+                state[2] = np.nan
+            elif change == "words":
+                state[1] = np.full(624, 0.5)
+            file.append(coords, np.ones(4), tuple(state), (1, 0))
+            file.steps += change == "gap" and step == 1
+    told = r"a\.chain is not a chain file, or damaged"
+    with pytest.raises(ul.FileFormatError, match=told), open_chain(path, names, 4, resume=True):
         pass
 
 

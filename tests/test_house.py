@@ -34,8 +34,8 @@ GROUND = {
 HOMES = {
     "lmfit": ("inference/least_squares", "inference/answer_cost"),
     "emcee": ("inference/sampling/run", "inference/sampling/diagnostics"),
-    "dask": ("inference/batch/dask",),
-    "distributed": ("inference/batch/dask",),
+    "dask": ("inference/batch/processes",),
+    "distributed": ("inference/batch/processes",),
     "matplotlib": ("report/plots", "report/notebook"),
     "pint": ("units",),
     "threadpoolctl": ("_threads",),
@@ -44,7 +44,7 @@ HOMES = {
     "typer": ("cli",),
     "nicegui": ("app/server", "app/pages"),
     "starlette": ("app/security",),
-    "rich": ("cli", "inference/sampling/run", "inference/batch/model"),
+    "rich": ("cli", "inference/progress", "inference/sampling/run", "inference/batch/fit_many"),
 }
 
 
@@ -230,8 +230,7 @@ DOORS = {
     "data/readers/jpk": {"zipfile.ZipFile"},  # after opened
     "data/readers/_text": {"np.loadtxt", "read_text"},  # lines in memory; a file of the package itself
     "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
-    "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
-    "inference/sampling/chain_file": {"library.File"},  # after require_regular
+    "inference/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/batch/decisions": {"pd.read_csv"},  # text in memory
     "inference/citation": {"read_text"},  # of the package itself
     "mechanics/published/law": {"read_text"},  # of the package itself

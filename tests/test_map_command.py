@@ -89,6 +89,7 @@ def test_what_a_killed_run_leaves_among_the_curves_is_no_curve(site):
     before = [place.name for place in list_curves(folder)]
     for end in ("", "-wal", "-shm", "-journal"):
         (folder / f"map.csv.journal{end}").write_bytes(b"rows")
+        (folder / f"a.chain{end}").write_bytes(b"rows")
     assert [place.name for place in list_curves(folder)] == before
 
 

@@ -35,6 +35,11 @@ def normal(x, error):
     return CurveLikelihood(tuple((x + error * ROOTS).tolist()))
 
 
+def study(seed, **made):
+    """Likelihoods and labels of a made study."""
+    return made_study(np.random.default_rng(seed), **made)
+
+
 class Tabulated(CurveLikelihood):
     """A normal likelihood that goes the way of those that are not."""
 
@@ -136,8 +141,7 @@ def test_evidence_is_that_of_the_multivariate_normal():
 
 
 def test_tables_give_what_the_closed_form_gives():
-    rng = np.random.default_rng(1)
-    plain, labels = made_study(rng, animals=4, sites=6, between=0.3, within=0.2)
+    plain, labels = study(1, animals=4, sites=6, between=0.3, within=0.2)
     closed = GroupModel(plain, labels)
     some = [Tabulated(one.places) if i % 3 == 0 else one for i, one in enumerate(plain)]
     # Cells half as wide as the narrowest message add a fiftieth to its variance.
@@ -308,8 +312,7 @@ def test_groups_that_are_taken_as_one_are_named():
 
 
 def test_one_animal_is_no_plural():
-    rng = np.random.default_rng(8)
-    found = ul.population(table_of(*made_study(rng, animals=1, sites=6, between=0.1, within=0.1)))
+    found = ul.population(table_of(*study(8, animals=1, sites=6, between=0.1, within=0.1)))
     assert [of for _, _, of in means_in_words(found)] == ["1 animal, 6 curves"]
 
 
@@ -409,8 +412,7 @@ def test_the_interval_of_few_animals_covers_where_they_agree():
 
 
 def test_outliers_move_a_tolerant_mean_less():
-    rng = np.random.default_rng(9)
-    curves, labels = made_study(rng, animals=5, sites=10, between=0.05, within=0.1, errors=(0.02, 0.05))
+    curves, labels = study(9, animals=5, sites=10, between=0.05, within=0.1, errors=(0.02, 0.05))
     bad = [normal(one.middle - 1.5, one.error) if i % 10 == 0 else one for i, one in enumerate(curves)]
     table = table_of(bad, labels)
     plain = ul.population(table).groups[""]
@@ -419,9 +421,9 @@ def test_outliers_move_a_tolerant_mean_less():
 
 
 def test_errors_that_explain_all_scatter_are_said():
-    rng = np.random.default_rng(10)
-    curves, labels = made_study(rng, animals=4, sites=8, between=0.0, within=0.0, errors=(0.2, 0.3))
-    found = ul.population(table_of(curves, labels))
+    found = ul.population(
+        table_of(*study(10, animals=4, sites=8, between=0.0, within=0.0, errors=(0.2, 0.3)))
+    )
     assert any("No scatter beyond the errors" in sentence for sentence in found.sentences())
 
 
@@ -435,8 +437,7 @@ def test_scatter_that_two_levels_share_is_not_called_none():
 
 
 def test_what_a_reader_must_know_is_said():
-    rng = np.random.default_rng(12)
-    curves, labels = made_study(rng, animals=2, sites=4, between=0.1, within=0.1)
+    curves, labels = study(12, animals=2, sites=4, between=0.1, within=0.1)
     table = table_of(curves, labels)
     table.loc[0, "status"] = "failed"
     table.loc[1, "verdict"] = "check"
@@ -529,9 +530,7 @@ def test_results_of_different_models_are_named():
 
 
 def test_bad_input_is_named():
-    rng = np.random.default_rng(13)
-    curves, labels = made_study(rng, animals=2, sites=2, between=0.1, within=0.1)
-    table = table_of(curves, labels)
+    table = table_of(*study(13, animals=2, sites=2, between=0.1, within=0.1))
     with pytest.raises(ul.InputError, match=r"no column 'joint'.*it has animal"):
         ul.population(table, by=["joint"])
     with pytest.raises(ul.InputError, match=r"layer.nu was not fitted in this map; fitted were layer.E"):
@@ -552,8 +551,7 @@ def test_bad_input_is_named():
 
 
 def test_picture_has_every_animal_and_a_mean():
-    rng = np.random.default_rng(14)
-    curves, labels = made_study(rng, animals=3, sites=4, between=0.3, within=0.1)
+    curves, labels = study(14, animals=3, sites=4, between=0.3, within=0.1)
     ax = ul.plots.population(ul.population(table_of(curves, labels)))
     names = [text.get_text() for text in ax.get_yticklabels()]
     assert [name.split()[0] for name in names] == ["a0", "a1", "a2", "all:"]
@@ -564,8 +562,7 @@ def test_picture_has_every_animal_and_a_mean():
     ("animals", "spread", "word"), [(8, 0.1, "good"), (3, 0.9, "check"), (1, 0.3, "check")]
 )
 def test_the_short_text_begins_with_the_mean_and_says_how_many_animals_would_do(animals, spread, word):
-    rng = np.random.default_rng(7)
-    table = table_of(*made_study(rng, animals=animals, sites=4, between=spread, within=0.1))
+    table = table_of(*study(7, animals=animals, sites=4, between=spread, within=0.1))
     result = ul.population(table, by=["animal"])
     lines = population_lines(result)
     (group,) = result.groups.values()

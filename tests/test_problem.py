@@ -220,58 +220,31 @@ def test_joint_names_and_sharing():
     assert float(p.log_likelihood(np.zeros(4))) == pytest.approx(expected, rel=1e-12)
 
 
-CURVE = measured(layer_on(ul.RIGID))
+RIGID = layer_on(ul.RIGID)
+HALF_SPACE = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4)))
+CURVE = measured(RIGID)
+PATH, GIVEN = ul.ParameterError, ul.InputError
 
 
 @pytest.mark.parametrize(
     ("scene", "free", "options", "error", "message"),
     [
-        (layer_on(ul.RIGID), ["layer.youngs"], {}, ul.ParameterError, "did you mean"),
-        (layer_on(ul.RIGID), ["layer.thicknes"], {}, ul.ParameterError, r"did you mean 'layer\.thickness'"),
-        (
-            layer_on(ul.RIGID),
-            ["adhesion.work"],
-            {},
-            ul.ParameterError,
-            r"'adhesion\.work'\. It has: indenter\.radius",
-        ),
-        (layer_on(ul.RIGID), ["substrate.E"], {}, ul.ParameterError, "is rigid"),
-        (
-            ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4))),
-            ["substrate.E"],
-            {},
-            ul.ParameterError,
-            "no sub",
-        ),
-        (
-            ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4))),
-            ["layer.thickness"],
-            {},
-            ul.ParameterError,
-            "half",
-        ),
-        (
-            layer_on(ul.RIGID),
-            ["layer.thickness"],
-            {"solver": "halfspace"},
-            ul.ParameterError,
-            "halfspace depend on",
-        ),
-        (layer_on(ul.Isotropic(1e6, 0.45)), ["layer.thickness"], {}, ul.ParameterError, "same material"),
-        (layer_on(ul.RIGID), [], {}, ul.ParameterError, "nothing is free"),
-        (layer_on(ul.RIGID), {"layer.E": (2e6, 3e6)}, {}, ul.InputError, "outside its bounds"),
-        (layer_on(ul.RIGID), {"layer.E": (3e6, 2e6)}, {}, ul.InputError, "below"),
-        (layer_on(ul.RIGID), {"layer.E": "wide"}, {}, ul.InputError, "give a prior"),
-        (layer_on(ul.RIGID), {"layer.E": None}, {"noise": 0.1}, ul.InputError, "must be a Noise"),
-        (
-            layer_on(ul.RIGID),
-            {"layer.E": None},
-            {"noise": ul.Noise(force=0.0, relative=0.1)},
-            ul.InputError,
-            "zero",
-        ),
-        (layer_on(ul.RIGID), {"layer.E": None}, {"noise": ul.Noise(relative=0.1)}, ul.InputError, "unknown"),
-        (layer_on(ul.RIGID), ["layer.E[1]"], {}, ul.ParameterError, "numbered from 0"),
+        (RIGID, ["layer.youngs"], {}, PATH, "did you mean"),
+        (RIGID, ["layer.thicknes"], {}, PATH, r"did you mean 'layer\.thickness'"),
+        (RIGID, ["adhesion.work"], {}, PATH, r"'adhesion\.work'\. It has: indenter\.radius"),
+        (RIGID, ["substrate.E"], {}, PATH, "is rigid"),
+        (HALF_SPACE, ["substrate.E"], {}, PATH, "no sub"),
+        (HALF_SPACE, ["layer.thickness"], {}, PATH, "half"),
+        (RIGID, ["layer.thickness"], {"solver": "halfspace"}, PATH, "halfspace depend on"),
+        (layer_on(ul.Isotropic(1e6, 0.45)), ["layer.thickness"], {}, PATH, "same material"),
+        (RIGID, [], {}, PATH, "nothing is free"),
+        (RIGID, {"layer.E": (2e6, 3e6)}, {}, GIVEN, "outside its bounds"),
+        (RIGID, {"layer.E": (3e6, 2e6)}, {}, GIVEN, "below"),
+        (RIGID, {"layer.E": "wide"}, {}, GIVEN, "give a prior"),
+        (RIGID, {"layer.E": None}, {"noise": 0.1}, GIVEN, "must be a Noise"),
+        (RIGID, {"layer.E": None}, {"noise": ul.Noise(force=0.0, relative=0.1)}, GIVEN, "zero"),
+        (RIGID, {"layer.E": None}, {"noise": ul.Noise(relative=0.1)}, GIVEN, "unknown"),
+        (RIGID, ["layer.E[1]"], {}, PATH, "numbered from 0"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(scene, free, options, error, message):

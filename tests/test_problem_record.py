@@ -9,7 +9,7 @@ import pytest
 
 import underlay as ul
 from underlay.inference.priors import Truncated
-from underlay.inference.problem_record import problem_from_record, problem_record
+from underlay.inference.sampling.posterior_file import problem_from_record, problem_record
 from underlay.mechanics.indenters import PowerLawShape
 
 

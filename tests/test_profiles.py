@@ -11,13 +11,13 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
+from support.p_values import delta_chi_square_at
 from support.user_scenes import user_test
 from support.worlds import Clean, disturbed
 from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.projection import Point
 from underlay.inference.profiling.profile_result import Interval, _constant, _crossing
 from underlay.inference.profiling.walk import Walk
-from underlay.inference.profiling.walked import delta_chi_square_at
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage

@@ -25,6 +25,7 @@ from support.posterior_cases import (
     halfspace_problem,
     halfspace_scene,
 )
+from underlay.inference.journal import open_chain
 from underlay.inference.priors import Flat
 from underlay.inference.sampling import draws as drawing
 from underlay.inference.sampling import run as sampling
@@ -49,7 +50,7 @@ def distance_p_value(draws, distribution):
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     """File of the chain that `plain` is."""
-    return tmp_path_factory.mktemp("chain") / "chain.h5"
+    return tmp_path_factory.mktemp("chain") / "a.chain"
 
 
 @pytest.fixture(scope="module")
@@ -363,7 +364,7 @@ def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path, method
 
 
 def test_kill_9_loses_nothing(tmp_path):
-    path = tmp_path / "chain.h5"
+    path = tmp_path / "a.chain"
     program = textwrap.dedent(
         f"""
         import sys
@@ -398,19 +399,19 @@ def test_kill_9_loses_nothing(tmp_path):
             method="emcee",
         )
     assert posterior.diagnostics.steps == told + 1
-    with sampling.ChainFile.resume(path, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (_, kept):
-        stored = kept.chain
+    with open_chain(path, ("layer.E", "instrument.contact_depth"), 8, resume=True) as (_, kept):
+        stored = kept.steps
     # What was stored is the chain of a run that was never killed.
-    reference = tmp_path / "reference.h5"
+    reference = tmp_path / "b.chain"
     with pytest.warns(ul.UnderlayWarning, match="not converged"):
         ul.sample(
             halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference, method="emcee"
         )
-    with sampling.ChainFile.resume(reference, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (
+    with open_chain(reference, ("layer.E", "instrument.contact_depth"), 8, resume=True) as (
         _,
         kept,
     ):
-        np.testing.assert_array_equal(stored, kept.chain)
+        np.testing.assert_array_equal(stored, kept.steps)
 
 
 @pytest.mark.usefixtures("plain")
@@ -431,7 +432,7 @@ def test_a_chain_of_another_problem_is_refused(kept, what):
 
 
 def test_resume_begins_where_there_is_nothing_yet(tmp_path):
-    path = tmp_path / "chain.h5"
+    path = tmp_path / "a.chain"
     posterior = ul.sample(baseline_problem(), walkers=8, backend=path, resume=True)
     assert posterior.converged
     assert path.exists()

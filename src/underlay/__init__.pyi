@@ -71,12 +71,12 @@ from .inference.priors import (
 )
 from .inference.priors import Prior as Prior
 from .inference.problem import Problem as Problem
-from .inference.profiles import profile as profile
+from .inference.profiling.profile import profile as profile
 from .inference.design.second_test import remedy as remedy, second_test as second_test
-from .inference.recipe import steps_to_ours as steps_to_ours
+from .inference.reported import steps_to_ours as steps_to_ours
 from .inference.sampling.run import posterior_from_chain as posterior_from_chain
 from .inference.sampling.run import marginalised as marginalised
-from .inference.reported_moduli import (
+from .inference.reported import (
     RelaxationModuli as RelaxationModuli,
     relaxation_moduli as relaxation_moduli,
 )

@@ -1,7 +1,6 @@
 """Every kind of file that the program opens, for the fuzzing: valid ones to damage, and what reads them."""
 
 import contextlib
-import inspect
 import json
 import warnings
 from dataclasses import dataclass
@@ -17,9 +16,8 @@ from support.posterior_cases import halfspace_curve, halfspace_problem, halfspac
 from underlay.cli.report import _Asked
 from underlay.data.export import write_curves
 from underlay.inference.batch.decisions import is_map, read_map
-from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.sampling.chain_file import ChainFile
+from underlay.inference.journal import Journal, open_chain
 from underlay.report import maps
 from underlay.scene.scene_file import read_scene_file
 
@@ -139,17 +137,17 @@ def _read_posterior(path):
 
 
 def _chains(folder):
-    path = folder / "chain.h5"
+    path = folder / "a.chain"
     rng = np.random.default_rng(0)
-    with ChainFile.create(path, NAMES, (6, 4)) as file:
+    with open_chain(path, NAMES, 4, resume=False) as (file, _):
         for step in range(4):
             state = np.random.RandomState(step).get_state()
             file.append(rng.normal(size=(4, 2)), rng.normal(size=4), state, (10 * step, step))
-    yield Seed("chain", "chain", ".h5", path.read_bytes(), _read_chain)
+    yield Seed("chain", "chain", ".chain", path.read_bytes(), _read_chain)
 
 
 def _read_chain(path):
-    with ChainFile.resume(path, NAMES, (6, 4)) as (_, before):
+    with open_chain(path, NAMES, 4, resume=True) as (_, before):
         np.random.RandomState().set_state(before.random_state)
 
 
@@ -186,12 +184,10 @@ def _journals(folder):
 
 
 def _journal(path, *, resume):
-    rows = (
-        {"is_row": lambda text: text.count(",") == 1}
-        if "is_row" in inspect.signature(Journal).parameters
-        else {}
-    )
-    return Journal(path, json.loads(json.dumps(IDENTITY)), resume=resume, **rows)
+    def is_row(number, text):
+        return 0 <= number < IDENTITY["curves"] and text.count(",") == 1
+
+    return Journal(path, json.loads(json.dumps(IDENTITY)), is_row, resume=resume)
 
 
 def _read_journal(path):

@@ -97,7 +97,7 @@ def sample_posterior(
         Called with a `Progress` during the run.
     """
     file, stem, of = tested.file, tested.stem, tested.of
-    chain = folder.result(f"{stem}.chain.h5")
+    chain = folder.result(f"{stem}.chain")
     mark = f"{of} {most}".encode()
     if folder.read_result(f"{stem}.chain.txt") != mark:
         chain.unlink(missing_ok=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import textwrap
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -17,7 +16,7 @@ from underlay._files import require_writable_folder
 from underlay.cli import console
 from underlay.cli.console import say, say_parts, say_table, say_warnings, say_written, write_out
 from underlay.data.samples import sample as sample_file
-from underlay.errors import InputError, gathered_warnings, installing
+from underlay.errors import InputError, gathered_warnings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -277,10 +276,7 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
         if resume:
             raise InputError("--resume continues the chain of an output folder: name it with --output")
         return None
-    if importlib.util.find_spec("h5py") is None and not resume:
-        say(f"note: h5py is not installed, so this run cannot be resumed ({installing('uq')})")
-        return None
-    return output / f"{stem}.chain.h5"
+    return output / f"{stem}.chain"
 
 
 def benchmark(
@@ -328,7 +324,11 @@ def benchmark(
     say_table(
         scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
     )
-    reasons = (f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason)
+    refused = scores.table[scores.table["reason"] != ""]
+    reasons = (
+        f"no estimate: {kind}: {reason}"
+        for kind, reason in zip(refused["kind"], refused["reason"], strict=True)
+    )
     say(*dict.fromkeys(reasons))
     tables = {"benchmark.csv": scores.to_frame()}
     if program is None:

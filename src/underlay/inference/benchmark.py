@@ -306,26 +306,7 @@ def against_finite_elements(solver: AnySolver = "auto") -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-@dataclass(frozen=True)
-class Score:
-    """The estimate for one case.
-
-    Parameters
-    ----------
-    case : Case
-        The curve, with its true modulus.
-    estimate : Estimate
-        NaN where there is none.
-    reason : str
-        Why there is none.
-    """
-
-    case: Case
-    estimate: Estimate
-    reason: str = ""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scores:
     """Scores of one estimator on the cases of a benchmark.
 
@@ -333,34 +314,20 @@ class Scores:
     ----------
     label : str
         Name of what was scored.
-    scores : tuple of Score
-        One for each curve.
+    table : DataFrame
+        One row per curve: true modulus, estimate, interval (Pa), error (%), and why there is no estimate.
     """
 
     label: str
-    scores: tuple[Score, ...]
+    table: pd.DataFrame
 
     def to_frame(self) -> pd.DataFrame:
-        """One row per curve: true modulus, estimate, interval (Pa), error (%), and why there is no estimate."""
-        return pd.DataFrame(
-            {
-                "kind": case.kind,
-                "noise": case.noise,
-                "truth (Pa)": case.modulus,
-                "estimate (Pa)": found.modulus,
-                "low (Pa)": found.low,
-                "high (Pa)": found.high,
-                "error (%)": 100.0 * (found.modulus / case.modulus - 1.0),
-                "reason": reason,
-            }
-            for case, found, reason in ((score.case, score.estimate, score.reason) for score in self.scores)
-        )
+        """A copy of the table."""
+        return self.table.copy()
 
     def summary(self) -> pd.DataFrame:
         """One row per kind of sample: median and largest absolute error (%), intervals that contain the truth."""
-        return pd.DataFrame(
-            _summed(str(kind), own) for kind, own in self.to_frame().groupby("kind", sort=False)
-        )
+        return pd.DataFrame(_summed(str(kind), own) for kind, own in self.table.groupby("kind", sort=False))
 
 
 def _summed(kind: str, own: pd.DataFrame) -> dict[str, Any]:
@@ -424,25 +391,38 @@ def benchmark(
         way, label = (whole_model, "whole model") if chosen is None else (one_law(chosen), chosen.label)
     else:
         way, label = estimate, getattr(estimate, "__name__", type(estimate).__name__)
-    scores = []
+    rows = []
     for case in benchmark_cases(kinds):
         if progress is not None:
             progress(case)
-        scores.append(_scored(case, way))
-    return Scores(label, tuple(scores))
+        rows.append(_scored(case, way))
+    return Scores(label, pd.DataFrame(rows))
 
 
-def _scored(case: Case, way: Estimator) -> Score:
+def _scored(case: Case, way: Estimator) -> dict[str, Any]:
+    """The row of one case."""
+    found, reason = Estimate(np.nan), ""
     try:
         with warnings.catch_warnings():
             # The curves were made to be difficult: warnings about them are not part of the score.
             warnings.simplefilter("ignore", UnderlayWarning)
-            found = way(case)
-        estimate = found if isinstance(found, Estimate) else Estimate(float(found))
+            given = way(case)
+        estimate = given if isinstance(given, Estimate) else Estimate(float(given))
+        if np.isfinite(estimate.modulus):
+            found = estimate
+        else:
+            reason = f"the estimate is {estimate.modulus}"
     except UnderlayError as error:
-        return Score(case, Estimate(np.nan), one_line(error))
+        reason = one_line(error)
     except Exception as error:  # noqa: BLE001  another's code: that it failed is its score
-        return Score(case, Estimate(np.nan), one_line(f"{type(error).__name__}: {error}"))
-    if not np.isfinite(estimate.modulus):
-        return Score(case, Estimate(np.nan), f"the estimate is {estimate.modulus}")
-    return Score(case, estimate)
+        reason = one_line(f"{type(error).__name__}: {error}")
+    return {
+        "kind": case.kind,
+        "noise": case.noise,
+        "truth (Pa)": case.modulus,
+        "estimate (Pa)": found.modulus,
+        "low (Pa)": found.low,
+        "high (Pa)": found.high,
+        "error (%)": 100.0 * (found.modulus / case.modulus - 1.0),
+        "reason": reason,
+    }

@@ -15,7 +15,7 @@ sample of known modulus with the same tip.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -271,35 +271,28 @@ def _result(curve: Curve, model: _Model, measured: _Measured, logs: FloatArray) 
     # that.
     deviation = np.abs(answer @ _known(measured.scatter))
     grown = (_along_radius(model, logs) * 0.5)[None] @ answer.T
-    scene = model.scene_at(logs)
-    names = model.free
     values = np.exp(logs)
     known = np.isfinite(measured.scatter).any()
     half = _WIDTH * deviation if known else np.full(len(logs), np.inf)
-    residual = measured.log_stiffness - fitted
+
+    def named(numbers: FloatArray) -> dict[str, float]:
+        return dict(zip(model.free, numbers.tolist(), strict=True))
+
     return StiffnessFit(
-        values=dict(zip(names, values.tolist(), strict=True)),
-        low=dict(zip(names, (values * np.exp(-half)).tolist(), strict=True)),
-        high=dict(zip(names, (values * np.exp(half)).tolist(), strict=True)),
-        scatter=float(np.std(residual)),
-        area_sensitivity=dict(zip(names, (-grown[0]).tolist(), strict=True)),
+        values=named(values),
+        low=named(values * np.exp(-half)),
+        high=named(values * np.exp(half)),
+        scatter=float(np.std(measured.log_stiffness - fitted)),
+        area_sensitivity=named(-grown[0]),
         table=_table(curve, model, measured, logs, fitted, slopes),
-        scene=scene,
+        scene=model.scene_at(logs),
     )
 
 
 def _along_radius(model: _Model, logs: FloatArray) -> FloatArray:
     """d ln S / d ln a of the model, (n,): stiffness S with contact radius a."""
     grown, shrunk = (
-        _Model(
-            model.scene,
-            model.free,
-            factor * model.radius,
-            model.tip_modulus,
-            model.punch_factor,
-            model.solver,
-        )
-        for factor in (np.exp(_STEP), np.exp(-_STEP))
+        replace(model, radius=factor * model.radius) for factor in (np.exp(_STEP), np.exp(-_STEP))
     )
     return np.asarray((grown.log_stiffness(logs) - shrunk.log_stiffness(logs)) / (2.0 * _STEP))
 

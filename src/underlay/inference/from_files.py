@@ -23,7 +23,7 @@ from underlay.inference.priors import Given, Normal, prior_from_numbers
 from underlay.inference.problem import Problem
 from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.scene import Scene
-from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
+from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.scene.scene_keys import RUN
 
 # Share of the loading work that is not recovered from which a sample is not elastic: more than a tenth is not due
@@ -79,7 +79,7 @@ def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) 
     if not reason or scene.memory is not None or "imprint" in overrule:
         return
     raise CurveError(
-        f"{curve.metadata.get('name', 'the curve')}: the loading is elastoplastic, {reason}; the elastic number is "
+        f"{_name(curve)}: the loading is elastoplastic, {reason}; the elastic number is "
         "in how it springs back: fit the contact stiffness S(h) instead (underlay film; fit_stiffness in Python), "
         'or write overrule = ["imprint"] in [curve] to fit the loading all the same'
     )
@@ -153,7 +153,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     if not len(part):
         there = ", ".join(sorted(set(curve.segments().tolist()))) or "none"
         raise CurveError(
-            f"{curve.metadata.get('name', 'the curve')} has no {segment} part, only {there}: choose another "
+            f"{_name(curve)} has no {segment} part, only {there}: choose another "
             'segment in [curve], or check the sign of the depth (flip = ["depth"] turns it)'
         )
     if segment == LOADING:
@@ -164,7 +164,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     inside = (part.depth >= low) & (part.depth <= high)
     if not inside.any():
         raise CurveError(
-            f"no point of the {segment} part of {curve.metadata.get('name', 'the curve')} is left between "
+            f"no point of the {segment} part of {_name(curve)} is left between "
             f"min_depth and max_depth; its depths run from {curve.depth.min():.6g} to "
             f"{curve.depth.max():.6g} m"
         )
@@ -173,7 +173,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
 
 def _in_window(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     """The points of a curve between two times, and of one step, as the ``[curve]`` section selects."""
-    name = curve.metadata.get("name", "the curve")
+    name = _name(curve)
     low, high = choice.get("from_time", -np.inf), choice.get("to_time", np.inf)
     if np.isfinite([low, high]).any():
         if curve.time is None:
@@ -194,7 +194,8 @@ def _in_window(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     # A step begins with a ramp that does not follow another ramp.
     starts = [first for first, _, label in runs if label == LOADING]
     if step > len(starts):
-        raise CurveError(f"{name} has no step {step}: it goes in {_times(len(starts))}")
+        times = "once" if len(starts) == 1 else f"{len(starts)} times"
+        raise CurveError(f"{name} has no step {step}: it goes in {times}")
     end = starts[step] if step < len(starts) else len(curve)
     return replace(curve, segment=curve.segments()).select(slice(starts[step - 1], end))
 
@@ -209,15 +210,15 @@ def _run(curve: Curve, segment: str) -> Curve:
     number = int(matched[2])
     if number > len(found):
         raise CurveError(
-            f"{curve.metadata.get('name', 'the curve')} has no {segment}: it holds {len(found)} of {matched[1]}; "
+            f"{_name(curve)} has no {segment}: it holds {len(found)} of {matched[1]}; "
             "underlay formats draws its segments"
         )
     first, last = found[number - 1]
     return replace(curve, segment=curve.segments()).select(slice(first, last))
 
 
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
+def _name(curve: Curve) -> str:
+    return str(curve.metadata.get("name", "the curve"))
 
 
 def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
@@ -333,16 +334,16 @@ def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:
     InputError
         If ``"found"`` is given for another parameter, or where there is no curve.
     """
-    return {entry.path: _prior_of(entry, file, curve) for entry in file.free}
-
-
-def _prior_of(entry: FreeParameter, file: SceneFile, curve: Curve | None) -> Given:
-    if entry.prior != "found":
-        return prior_from_numbers(entry.prior, entry.low, entry.high, entry.numbers)
-    if entry.path != "instrument.contact_depth" or curve is None:
-        raise InputError(
-            f"[fit] {entry.path}: the prior 'found' is for instrument.contact_depth of a measured curve; give "
-            "bounds or another prior here"
-        )
-    contact = find_contact(curve, scene=file.scene)
-    return Normal(contact.depth, contact.uncertainty).truncated(entry.low, entry.high)
+    priors: dict[str, Given] = {}
+    for entry in file.free:
+        if entry.prior != "found":
+            priors[entry.path] = prior_from_numbers(entry.prior, entry.low, entry.high, entry.numbers)
+            continue
+        if entry.path != _CONTACT or curve is None:
+            raise InputError(
+                f"[fit] {entry.path}: the prior 'found' is for instrument.contact_depth of a measured curve; give "
+                "bounds or another prior here"
+            )
+        contact = find_contact(curve, scene=file.scene)
+        priors[entry.path] = Normal(contact.depth, contact.uncertainty).truncated(entry.low, entry.high)
+    return priors

@@ -120,7 +120,15 @@ def require_sizes(problem: Problem) -> None:
     """
     for member in problem.members:
         priors = {path: problem.coordinates[entry].prior for path, entry in member.entries.items()}
-        _require_sizes(member.scene, member.curve, priors)
+        try:
+            pressed, peak = _pressed(member.scene, member.curve)
+        except (
+            CurveError
+        ):  # no contact: `check_quality` says it in more detail, `require_travel` what goes back
+            continue
+        if pressed > 0.0:
+            _refuse_too_deep(member.scene, pressed, priors)
+            _refuse_beyond_bounds(member.scene, pressed, peak, priors)
 
 
 def size_notes(scene: Scene, curve: Curve) -> tuple[str, ...]:
@@ -183,16 +191,6 @@ def _pressed(scene: Scene, curve: Curve) -> tuple[float, float]:
     foot = foot_of(curve)
     deepest = max(float(foot.depth[-1]), float(approach_of(curve).depth[-1]))
     return deepest - float(foot.depth[min(foot.rise, len(foot.depth) - 1)]), foot.peak
-
-
-def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None:
-    try:
-        pressed, peak = _pressed(scene, curve)
-    except CurveError:  # no contact: `check_quality` says it in more detail, `require_travel` what goes back
-        return
-    if pressed > 0.0:
-        _refuse_too_deep(scene, pressed, priors)
-        _refuse_beyond_bounds(scene, pressed, peak, priors)
 
 
 def _refuse_deflection(curve: Curve) -> None:

@@ -151,28 +151,17 @@ class Truncated(Prior):
         return self.prior.penalty(value)
 
 
-def _ordered(low: float, high: float) -> tuple[float, float]:
-    low, high = finite(low, "lower bound", "SI"), finite(high, "upper bound", "SI")
-    if not low < high:
-        raise InputError(f"a prior's lower bound must be below its upper one; got {low!r} and {high!r}")
-    return low, high
-
-
 @dataclass(frozen=True)
-class Uniform(Prior):
-    """Constant density between `low` and `high`.
-
-    Raises
-    ------
-    InputError
-        If a bound is not finite or they are not in order.
-    """
+class _Between(Prior):
+    """A prior between two finite bounds."""
 
     low: float
     high: float
 
     def __post_init__(self) -> None:
-        low, high = _ordered(self.low, self.high)
+        low, high = finite(self.low, "lower bound", "SI"), finite(self.high, "upper bound", "SI")
+        if not low < high:
+            raise InputError(f"a prior's lower bound must be below its upper one; got {low!r} and {high!r}")
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
 
@@ -180,6 +169,17 @@ class Uniform(Prior):
     def support(self) -> tuple[float, float]:
         """The interval (low, high)."""
         return self.low, self.high
+
+
+@dataclass(frozen=True)
+class Uniform(_Between):
+    """Constant density between `low` and `high`.
+
+    Raises
+    ------
+    InputError
+        If a bound is not finite or they are not in order.
+    """
 
     def log_density(self, value: FloatArray) -> FloatArray:
         """-ln(high - low) between the bounds, -inf outside."""
@@ -196,7 +196,7 @@ class Uniform(Prior):
 
 
 @dataclass(frozen=True)
-class LogUniform(Prior):
+class LogUniform(_Between):
     """Density proportional to 1/x between `low` and `high`, both positive (Jeffreys' prior of a scale).
 
     Raises
@@ -205,18 +205,9 @@ class LogUniform(Prior):
         If a bound is not positive and finite or they are not in order.
     """
 
-    low: float
-    high: float
-
     def __post_init__(self) -> None:
-        low, high = _ordered(positive(self.low, "lower bound of LogUniform", "SI"), self.high)
-        object.__setattr__(self, "low", low)
-        object.__setattr__(self, "high", high)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """The interval (low, high)."""
-        return self.low, self.high
+        positive(self.low, "lower bound of LogUniform", "SI")
+        super().__post_init__()
 
     def log_density(self, value: FloatArray) -> FloatArray:
         """-ln x - ln ln(high / low) between the bounds, -inf outside."""
@@ -393,6 +384,16 @@ class Flat(Prior):
         """Not defined for an improper prior: raises InputError."""
         del probability
         raise InputError(f"{self!r} is improper: it cannot be drawn from; give the parameter a proper prior")
+
+
+def require_proper(priors: Mapping[str, Prior]) -> None:
+    """Raise InputError where a prior is improper, which no sampler can use."""
+    improper = [name for name, prior in priors.items() if not prior.proper]
+    if improper:
+        raise InputError(
+            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
+            "(min and max) or a prior that has a mean (normal, lognormal)"
+        )
 
 
 def prior_from_numbers(name: str | None, low: float, high: float, numbers: Mapping[str, float]) -> Given:

@@ -6,10 +6,10 @@ All that a fit or a sampler needs is a pure function of one vector of scaled coo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Protocol, Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -26,12 +26,9 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise import NoiseModel
 from underlay.scene.scene import Scene
 
-
-class Likelihood(Protocol):
-    """A log-density of the data that replaces that of the noise model."""
-
-    def __call__(self, physical: FloatArray) -> FloatArray:
-        """Log-density (sets,) at physical vectors (sets, k), SI; -inf where no law exists."""
+#: A log-density of the data that replaces that of the noise model: (sets,) at physical vectors (sets, k), SI; -inf
+#: where no law exists.
+Likelihood: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 class Problem:

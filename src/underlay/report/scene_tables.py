@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from underlay._version import VERSION
-from underlay.inference.sampling.derived import adhesive_estimates, kind_of_quantity
+from underlay.inference.reported import adhesive_estimates
+from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.mechanics.body import RIGID, Layer
 from underlay.quantities import quantity_of
 from underlay.report.labels import label

@@ -30,8 +30,8 @@ Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
 _NOT_CURVES = frozenset(
     {
         *(".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".ipynb", ".py"),
-        # Of a run's journal, and of SQLite's companion files, while it is open or after it was killed.
-        *(".journal", ".journal-wal", ".journal-shm", ".journal-journal"),
+        # Of the journal of a map or a chain, and of SQLite's companion files, while it is open or after a kill.
+        *(f"{kind}{end}" for kind in (".journal", ".chain") for end in ("", "-wal", "-shm", "-journal")),
     }
 )
 # Largest number of names that a message lists.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import os
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -106,31 +106,29 @@ class Decisions:
                 raise InputError(
                     f"{one_line(name)!r} was accepted, but has no fit: leave its decision empty, or refuse it"
                 )
-        found = [self.by_curve.get(name) for name in table["name"]]
-        refused = np.array([decision is not None and not decision.accepted for decision in found], dtype=bool)
         judged = table.copy()
-        judged[_DECISION] = pd.Series(
-            ["" if d is None else d.word for d in found], index=table.index, dtype="str"
-        )
-        judged["decision_reason"] = pd.Series(
-            ["" if d is None else d.reason for d in found], index=table.index, dtype="str"
-        )
-        words = [
-            "" if d is None or not d.reason else f": {d.reason}"
-            for d, out in zip(found, refused, strict=True)
-            if out
-        ]
+        for column, told in zip((_DECISION, "decision_reason"), self._told(table["name"]), strict=True):
+            judged[column] = pd.Series(told, index=table.index, dtype="str")
+        refused = (judged[_DECISION] == REFUSE).to_numpy(dtype=bool)
         judged.loc[refused, "status"] = REFUSED_BY_HAND
         judged.loc[refused, "verdict"] = "refused"
-        judged.loc[refused, "reason"] = [f"{REFUSED_BY_HAND}{word}" for word in words]
+        why = judged.loc[refused, "decision_reason"]
+        judged.loc[refused, "reason"] = [
+            f"{REFUSED_BY_HAND}: {text}" if text else REFUSED_BY_HAND for text in why
+        ]
         return judged
+
+    def _told(self, curves: Iterable[str]) -> tuple[list[str], list[str]]:
+        """Words and reasons of the decisions on some curves; empty where there is none."""
+        found = [self.by_curve.get(name) for name in curves]
+        return ["" if d is None else d.word for d in found], ["" if d is None else d.reason for d in found]
 
     def csv(self, listed: pd.DataFrame) -> str:
         """Return a CSV for a person to fill in: a row for each row of `listed`, whose column ``curve`` names it."""
         table = listed.copy()
-        found = [self.by_curve.get(name) for name in table[_CURVE]]
-        table.insert(1, _DECISION, ["" if d is None else d.word for d in found])
-        table.insert(2, _REASON, ["" if d is None else d.reason for d in found])
+        words, reasons = self._told(table[_CURVE])
+        table.insert(1, _DECISION, words)
+        table.insert(2, _REASON, reasons)
         return csv_text(table)
 
 

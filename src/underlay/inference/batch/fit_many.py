@@ -1,7 +1,7 @@
 """Fits many curves, e.g. of a whole map, on one or many machines, with a row for each, also for those that fail.
 
 Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The same
-worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
+worker code (`work`) runs in processes of this machine or under a Dask scheduler (`processes`).
 """
 
 from __future__ import annotations
@@ -10,32 +10,34 @@ import hashlib
 import os
 import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from rich.progress import BarColumn, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
 from underlay._files import require_writable_folder
 from underlay.errors import InputError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
-from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.decisions import DECISIONS
-from underlay.inference.batch.journal import Journal, PassingRows
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.batch.model import (
     BatchModel,
     MapOptions,
-    MapProgress,
     Reporter,
     batch_model,
     scene_file_of,
 )
-from underlay.inference.batch.processes import through_processes
+from underlay.inference.batch.processes import through_dask, through_processes
 from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
 from underlay.inference.batch.work import CurveFitter, Rows, file_hash
+from underlay.inference.journal import Journal
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import Given
+from underlay.inference.progress import ProgressLine
 from underlay.inference.sampling.derived import ADHESIVE
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
@@ -52,8 +54,6 @@ _WORTH_A_WORKER = 100
 # `_SHARE`.
 _EVERY = 10.0
 _SHARE = 50.0
-# Interval (s) at which rows made in this process are passed to the journal.
-_HANDED_ON = 0.2
 
 
 def fit_many(
@@ -135,7 +135,8 @@ def fit_many(
     listed = list_curves(curves, own_files, options.folders)
     file = scene_file_of(scene)
     model = batch_model(scene if file is None else with_stand_ins(file, listed), free, options)
-    count = _require_workers(workers)
+    if workers is not None and (type(workers) is not int or workers < 0):
+        raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
     places, given, labels = _with_manifest(listed, manifest, model)
     labels = tuple(dict.fromkeys((*options.folders, *labels)))
     from_files = () if file is None else tuple(path for path in file.left_out if path not in given)
@@ -154,15 +155,21 @@ def fit_many(
         sampled=model.sampling is not None,
         answers=model.answers,
     )
-    table = None if output is None else _require_table(output)
-    kept: Journal | PassingRows = (
-        PassingRows() if table is None else _journal(table, _identity(model, places, layout), layout, options)
-    )
-    with kept as journal:
+    table = None if output is None else _table_path(output)
+    if table is not None:
+        require_format(table)
+        require_writable_folder(table.parent)
+    path = None if table is None else table.with_name(f"{table.name}.journal")
+    identity = _identity(model, places, layout)
+
+    def is_row(index: int, text: str) -> bool:
+        return index in range(len(places)) and layout.is_row(text)
+
+    with Journal(path, identity, is_row, resume=options.resume) as journal:
         _require_same_files(journal, places, layout)
         todo = [place for place in places if not journal.has(place.index)]
         if todo:
-            batches = _through(model, layout, todo, count, scheduler, options)
+            batches = _through(model, layout, todo, workers, scheduler, options)
             _gather(journal, table, layout, batches, len(places), shown=options.progress)
         if table is not None:
             journal.sync()
@@ -170,12 +177,7 @@ def fit_many(
         return to_frame(layout, journal.lines())
 
 
-def _journal(table: Path, identity: Mapping[str, Any], layout: Layout, options: MapOptions) -> Journal:
-    path = table.with_name(f"{table.name}.journal")
-    return Journal(path, identity, layout.is_row, resume=options.resume)
-
-
-def _require_same_files(journal: Journal | PassingRows, places: Sequence[CurvePlace], layout: Layout) -> None:
+def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: Layout) -> None:
     """Raise InputError where the file of a finished curve has changed since its row was written."""
     done = (place for place in places if journal.has(place.index))
     for place, line in zip(done, journal.lines(), strict=True):
@@ -185,8 +187,17 @@ def _require_same_files(journal: Journal | PassingRows, places: Sequence[CurvePl
             )
 
 
+class _Speed(ProgressColumn):
+    """Column of the progress line: curves per second."""
+
+    def render(self, task: Task) -> Text:
+        """Write the speed of a task; called by rich."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.3g} curves/s")
+
+
 def _gather(
-    journal: Journal | PassingRows,
+    journal: Journal,
     table: Path | None,
     layout: Layout,
     batches: Generator[Rows, None, None],
@@ -197,9 +208,17 @@ def _gather(
     """Append rows to the journal as they come, and write the table from time to time and at any exit."""
     last, pause = time.monotonic(), _EVERY
     try:
-        with MapProgress(total, journal.done, shown=shown) as line:
+        columns = (
+            TextColumn("fitting"),
+            BarColumn(),
+            TextColumn("{task.completed} of {task.total} curves"),
+            _Speed(),
+            TimeRemainingColumn(),
+        )
+        with ProgressLine(*columns, shown=shown, total=total, completed=journal.done) as line:
             for rows in batches:
-                line.advance(journal.append(rows))
+                journal.append(rows)
+                line.show(journal.done, total, completed=journal.done)
                 now = time.monotonic()
                 if table is not None and now - last > pause:
                     journal.sync()
@@ -210,17 +229,11 @@ def _gather(
         # Stop the workers first, so that no row is added to what is written now.
         batches.close()
         if table is not None and journal.done:
-            _leave_a_table(journal, table, layout)
+            # A full disk may have stopped the run: the journal holds every row, and the first error is the one to
+            # report.
+            with suppress(OSError):
+                write_table(table, layout, journal.lines())
         raise
-
-
-def _leave_a_table(journal: Journal | PassingRows, table: Path, layout: Layout) -> None:
-    try:
-        write_table(table, layout, journal.lines())
-    except OSError:
-        # A full disk may have stopped the run: the journal holds every row, and the first error is the one to
-        # report.
-        return
 
 
 def _through(
@@ -232,35 +245,18 @@ def _through(
     options: MapOptions,
 ) -> Generator[Rows, None, None]:
     """Fit curves under a Dask scheduler, in worker processes or in this process; yield rows as they come."""
+    largest = 1 if model.sampling is not None else _LARGEST_CHUNK
     if scheduler is not None:
-        size = 1 if model.sampling is not None else _LARGEST_CHUNK
-        return through_dask(model, layout, todo, size, scheduler, options.timeout)
+        return through_dask(model, layout, todo, largest, scheduler, options.timeout)
     if workers == 0:
-        return _here(model, layout, todo)
+        return CurveFitter(model, layout).batches(todo)
     if workers is None:
         worth = len(todo) if model.sampling is not None else 1 + len(todo) // _WORTH_A_WORKER
         workers = min(_processors(), worth)
     workers = min(workers, len(todo))
-    size = min(_LARGEST_CHUNK, -(-len(todo) // (workers * _CHUNKS_PER_WORKER)))
-    size = 1 if model.sampling is not None else size
+    size = min(largest, -(-len(todo) // (workers * _CHUNKS_PER_WORKER)))
     chunks = [todo[start : start + size] for start in range(0, len(todo), size)]
     return through_processes(model, layout, chunks, workers, options.longest)
-
-
-def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Generator[Rows, None, None]:
-    rows: Rows = []
-    sent = time.monotonic()
-    try:
-        for row in CurveFitter(model, layout).rows(todo):
-            rows.append(row)
-            if time.monotonic() - sent > _HANDED_ON:
-                yield rows
-                rows, sent = [], time.monotonic()
-    except KeyboardInterrupt:
-        # Rows that are there are kept first, then the interruption is passed on.
-        yield rows
-        raise
-    yield rows
 
 
 def _with_manifest(
@@ -297,23 +293,9 @@ def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -
     return {"hashes": hashes, "columns": list(layout.kinds), "curves": len(places)}
 
 
-def _require_table(output: str | os.PathLike[str]) -> Path:
-    """Path of the table, after a check of its format and that its folder can be written."""
-    table = _table_path(output)
-    require_format(table)
-    require_writable_folder(table.parent)
-    return table
-
-
 def _table_path(output: str | os.PathLike[str]) -> Path:
     path = Path(output)
     return path if path.suffix else path / _TABLE
-
-
-def _require_workers(workers: int | None) -> int | None:
-    if workers is not None and (type(workers) is not int or workers < 0):
-        raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
-    return workers
 
 
 def _processors() -> int:

@@ -136,7 +136,9 @@ def read_manifest(
     else:
         source, frame, from_file = "the manifest", pd.DataFrame(manifest), False
     columns = [_column(str(name), scene, source) for name in frame.columns]
-    _require_distinct([column.name for column in columns], source)
+    twice = [name for name, count in Counter(column.name for column in columns).items() if count > 1]
+    if twice:
+        raise InputError(f"{source} has two columns for {twice[0]!r}")
     if not any(column.name == "file" for column in columns):
         raise InputError(f"{source} has no column 'file' that says which curve each row belongs to")
     if frame.empty:
@@ -232,12 +234,6 @@ def _column(header: str, scene: Scene, source: str) -> _Column:
         "every parameter path, such as layer.thickness, and labels: 'animal', 'group' and the like, or any "
         f"'{name} (label)'"
     )
-
-
-def _require_distinct(names: Sequence[str], source: str) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise InputError(f"{source} has two columns for {twice[0]!r}")
 
 
 def _without(where: str, column: _Column, texts: Mapping[str, str]) -> str:

@@ -7,20 +7,16 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
-from rich.text import Text
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.batch.results_table import RESERVED
 from underlay.inference.from_files import free_of
-from underlay.inference.priors import Given, Prior
+from underlay.inference.priors import Given, require_proper
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Auto, as_solver
@@ -33,63 +29,6 @@ Reporter: TypeAlias = Callable[[int, int], None]
 # Default time limit of a fit (s): a fit takes milliseconds, or seconds where it is hard; after ten minutes it will
 # not end.
 _LONGEST_FIT = 600.0
-
-
-class _Speed(ProgressColumn):
-    """Column of the progress line: curves per second."""
-
-    def render(self, task: Task) -> Text:
-        """Write the speed of a task; called by rich."""
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:.3g} curves/s")
-
-
-class MapProgress:
-    """A progress line on the terminal: curves done, curves per second and time left.
-
-    Parameters
-    ----------
-    total, done : int
-        Number of curves of the map, and of those finished in an earlier run.
-    shown : bool, callable or None
-        None shows the line if standard error is a terminal; a function is called with the curves done and all
-        curves instead.
-    """
-
-    def __init__(self, total: int, done: int, *, shown: bool | Reporter | None) -> None:
-        self._report: Reporter | None = None if isinstance(shown, bool) else shown
-        self._done, self._total = done, total
-        console = Console(stderr=True)
-        self._bar = Progress(
-            TextColumn("fitting"),
-            BarColumn(),
-            TextColumn("{task.completed} of {task.total} curves"),
-            _Speed(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not (console.is_terminal if shown is None else shown is True),
-            refresh_per_second=4,
-        )
-        self._task = self._bar.add_task("fitting", total=total, completed=done)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        # Stopping prints a line even where nothing was shown, in versions of rich up to 14.
-        if not self._bar.disable:
-            self._bar.stop()
-
-    def advance(self, count: int) -> None:
-        """Count `count` more curves as done."""
-        self._bar.advance(self._task, count)
-        self._done += count
-        if self._report is not None:
-            self._report(self._done, self._total)
 
 
 @dataclass(frozen=True)
@@ -126,7 +65,7 @@ class MapOptions:
         Sample the posterior of every curve; its answers are then those of the posterior.
     answers : bool, default True
         Give every curve the answers and the verdict that `Fit.answer` and `Fit.verdict` state. Without them the
-        table holds values and their least-squares standard errors only, in a tenth of the time.
+        table holds values and their least-squares standard errors only, in an eighth of the time.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
     folders : sequence of str, default ()
@@ -321,7 +260,7 @@ def batch_model(
     )
     template = model.template
     if model.sampling is not None:
-        _require_proper(template.priors)
+        require_proper(template.priors)
     return model
 
 
@@ -330,15 +269,6 @@ def scene_file_of(scene: Scene | SceneFile | str | os.PathLike[str]) -> SceneFil
     if isinstance(scene, str | os.PathLike):
         return read_scene_file(scene)
     return scene if isinstance(scene, SceneFile) else None
-
-
-def _require_proper(priors: Mapping[str, Prior]) -> None:
-    improper = [name for name, prior in priors.items() if not prior.proper]
-    if improper:
-        raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
-            "(min and max) or a prior that has a mean (normal, lognormal)"
-        )
 
 
 def _hash(*parts: object) -> str:

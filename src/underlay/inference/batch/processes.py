@@ -1,7 +1,8 @@
-"""Fits the curves of a map in worker processes of this machine, each with one thread and its own pipe.
+"""Fits the curves of a map in worker processes, of this machine or of a Dask cluster.
 
-A worker is a fresh Python on every platform: a fork would copy the locks of threads that it does not copy. It does
-not run the caller's script again, so scripts need no ``if __name__ == "__main__"`` guard.
+Here each process has one thread and its own pipe. A worker is a fresh Python on every platform: a fork would copy
+the locks of threads that it does not copy. It does not run the caller's script again, so scripts need no ``if
+__name__ == "__main__"`` guard.
 
 No library's worker pool is used: the workers of such a pool share one pipe behind one lock, and a worker that is
 killed while it holds the lock blocks all others. Eight pools of pebble 5.2.3, two workers each with tasks of 2 ms
@@ -23,14 +24,17 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from types import ModuleType
+from typing import Any
 
-from underlay.errors import FitError, InputError
+from underlay.errors import FitError, InputError, SchedulerError, missing_extra
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
-from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
+from underlay.inference.batch.work import DIED, HANDED_ON, CurveFitter, Rows, given_up, work
 
 # Environment variables that limit libraries of linear algebra to one thread: the matrices here are small, and
 # threads of several processes would compete for the cores. It also makes sums the same to the last bit, whatever
@@ -52,8 +56,8 @@ _MOST_DEATHS = 2
 _MOST_LOST_STARTS = 5
 # Time limit for the start of a process (s), for a busy machine or a slow disk.
 _LONGEST_START = 300.0
-# Longest interval between two messages with rows (s), so that few rows are lost with a process.
-_EVERY = 0.2
+# Chunks submitted to a Dask cluster per thread: one at work and one waiting.
+_AHEAD = 2
 
 
 @contextmanager
@@ -201,7 +205,7 @@ class _Worker:
         )
         self.places: list[CurvePlace] = []
         self.ready = self.late = False
-        self._patience = math.inf if time_limit is None else time_limit + _EVERY
+        self._patience = math.inf if time_limit is None else time_limit + HANDED_ON
         self.deadline = time.monotonic() + _LONGEST_START
         with start_of_a_process():
             self._process.start()
@@ -279,18 +283,132 @@ def _serve(connection: Connection, message: bytes) -> None:
             connection.send([])
             while True:
                 places = pickle.loads(connection.recv_bytes())  # noqa: S301  same
-                _answer(connection, fitter, places)
+                for rows in filter(None, fitter.batches(places)):
+                    connection.send(rows)
         except (AttributeError, ImportError, pickle.UnpicklingError) as error:
             connection.send(f"{type(error).__name__}: {error}")
 
 
-def _answer(connection: Connection, fitter: CurveFitter, places: Sequence[CurvePlace]) -> None:
-    rows: Rows = []
-    sent = time.monotonic()
-    for row in fitter.rows(places):
-        rows.append(row)
-        if time.monotonic() - sent > _EVERY:
-            connection.send(rows)
-            rows, sent = [], time.monotonic()
-    if rows:
-        connection.send(rows)
+# --- a Dask cluster -------------------------------------------------------------------------------------
+
+
+def through_dask(
+    model: BatchModel,
+    layout: Layout,
+    todo: Sequence[CurvePlace],
+    size: int,
+    address: str,
+    timeout: float,
+) -> Generator[Rows, None, None]:
+    """Fit curves on the workers of the scheduler at `address`; yield rows as they come, in any order.
+
+    Dask resubmits the chunks of a lost worker; each row comes once. A chunk on which workers die repeatedly is
+    split into single curves, so that one bad curve does not take others with it.
+
+    Parameters
+    ----------
+    model : BatchModel
+        What the curves have in common.
+    layout : Layout
+        Columns of the rows.
+    todo : sequence of CurvePlace
+        The curves.
+    size : int
+        Curves of a chunk.
+    address : str
+        Address of the scheduler.
+    timeout : float
+        How long it may take to answer (s).
+
+    Raises
+    ------
+    MissingExtraError
+        If Dask is not installed.
+    SchedulerError
+        If the scheduler does not answer within `timeout` (s), has no workers, they do not see the files, or the
+        connection is lost.
+    """
+    try:
+        distributed = import_module("distributed")
+    except ImportError as error:
+        raise missing_extra("a Dask scheduler needs dask", "cluster") from error
+    try:
+        client = distributed.Client(address, timeout=timeout, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise SchedulerError(
+            f"no Dask scheduler answered at {address} within {timeout:g} s: is it running, and is the "
+            "address right (tcp://host:8786)?"
+        ) from error
+    try:
+        try:
+            client.wait_for_workers(1, timeout=timeout)
+        except OSError as error:
+            raise SchedulerError(
+                f"the Dask scheduler at {address} has no workers: start some with 'dask worker {address}'"
+            ) from error
+        threads = max(1, sum(client.nthreads().values()))
+        _require_files(client, todo, address)
+        size = max(1, min(size, -(-len(todo) // (threads * _AHEAD))))
+        waiting = [list(todo[start : start + size]) for start in range(0, len(todo), size)]
+        yield from _through(distributed, client, model, layout, waiting, threads * _AHEAD)
+    except (OSError, distributed.CancelledError) as error:
+        raise SchedulerError(
+            f"the Dask scheduler at {address} went away ({error}); what was finished is kept: continue with "
+            "resume (--resume)"
+        ) from error
+    finally:
+        client.close(timeout=timeout)
+
+
+def _through(
+    distributed: Any,
+    client: Any,
+    model: BatchModel,
+    layout: Layout,
+    waiting: list[list[CurvePlace]],
+    ahead: int,
+) -> Generator[Rows, None, None]:
+    under_way: dict[Any, list[CurvePlace]] = {}
+    waiting.reverse()
+    finished = distributed.as_completed(loop=client.loop)
+
+    def submit() -> None:
+        while waiting and len(under_way) < ahead:
+            chunk = waiting.pop()
+            # Not pure: a result is needed once, and hashing every curve for a key would take time.
+            future = client.submit(work, model, layout, chunk, pure=False)
+            under_way[future] = chunk
+            finished.add(future)
+
+    submit()
+    while under_way:
+        future = next(finished)
+        chunk = under_way.pop(future)
+        try:
+            rows: Rows = future.result()
+        except distributed.KilledWorker:
+            if len(chunk) == 1:
+                yield [given_up(chunk[0], layout, DIED)]
+            else:
+                waiting.extend([place] for place in reversed(chunk))
+        else:
+            yield rows
+        future.release()
+        submit()
+
+
+def _sees(path: str) -> bool:
+    return Path(path).is_file()
+
+
+def _require_files(client: Any, todo: Sequence[CurvePlace], address: str) -> None:
+    """Raise SchedulerError if a worker of the cluster cannot see the first curve's file."""
+    first = next((place.path for place in todo if place.curve is None), None)
+    if first is None:
+        return
+    blind = [worker for worker, sees in client.run(_sees, first).items() if not sees]
+    if blind:
+        raise SchedulerError(
+            f"worker {blind[0]} of the scheduler at {address} does not see {first}: put the curves on a disk "
+            "that all machines share, under the same path, or pass them as curves"
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import chain, islice, repeat
@@ -30,30 +30,24 @@ LIKELIHOOD = "likelihood"
 
 # Types of columns, and the columns before and after those of the parameters.
 _TEXT, _NUMBER, _COUNT = "text", "number", "count"
-_BEFORE = (
-    ("name", _TEXT),
-    ("path", _TEXT),
-    ("x", _NUMBER),
-    ("y", _NUMBER),
-    ("status", _TEXT),
-    ("verdict", _TEXT),
-    ("reason", _TEXT),
-    ("cause", _TEXT),
-)
-_AFTER = (
-    ("law", _TEXT),
-    ("reduced_chi_square", _NUMBER),
-    ("rms", _NUMBER),
-    ("warnings", _COUNT),
-    ("seconds", _NUMBER),
-    ("sha256", _TEXT),
-)
+_BEFORE = {
+    **dict.fromkeys(("name", "path"), _TEXT),
+    **dict.fromkeys(("x", "y"), _NUMBER),
+    **dict.fromkeys(("status", "verdict", "reason", "cause"), _TEXT),
+}
+_AFTER = {
+    "law": _TEXT,
+    **dict.fromkeys(("reduced_chi_square", "rms"), _NUMBER),
+    "warnings": _COUNT,
+    "seconds": _NUMBER,
+    "sha256": _TEXT,
+}
 #: Endings of an answer's columns: value, ends of the combined interval and of its two parts (95 %).
 _ANSWERED = ("", ".low", ".high", ".stat.low", ".stat.high", ".syst.low", ".syst.high")
-_SAMPLED = (("converged", _COUNT), ("seed", _COUNT))
+_SAMPLED = dict.fromkeys(("converged", "seed"), _COUNT)
 _DECIDED = ("decision", "decision_reason")
 #: Names that a label cannot have, because columns have them.
-RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_DECIDED))
+RESERVED = frozenset((*_BEFORE, *_AFTER, *_SAMPLED, *_DECIDED))
 _SUFFIXES = (".csv", ".parquet")
 # Number of rows in memory while a table is written.
 _ROWS_AT_A_TIME = 20_000
@@ -114,16 +108,15 @@ class Layout:
             Whether posteriors are sampled; whether fits give their answers.
         """
         ends = _ANSWERED if sampled or answers else ("", ".stderr")
-        fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
-        known = [(path, _NUMBER) for path in given if path not in parameters]
-        known += [(name, _NUMBER) for name in derived]
+        known = [path for path in given if path not in parameters] + list(derived)
+        kinds = _BEFORE | dict.fromkeys(labels, _TEXT)
+        kinds |= dict.fromkeys((f"{path}{end}" for path in parameters for end in ends), _NUMBER)
+        kinds |= dict.fromkeys(known, _NUMBER)
         if "layer.E" in parameters:
-            known += [(column, _NUMBER) for column in (INSTRUMENT, DIFFERENCE)]
-        whose = [(label, _TEXT) for label in labels]
-        if labels and "layer.E" in parameters:
-            known.append((f"layer.E.{LIKELIHOOD}", _TEXT))
-        columns = (*_BEFORE, *whose, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))
-        return cls(dict(columns))
+            kinds |= dict.fromkeys((INSTRUMENT, DIFFERENCE), _NUMBER)
+            if labels:
+                kinds[f"layer.E.{LIKELIHOOD}"] = _TEXT
+        return cls(kinds | _AFTER | (_SAMPLED if sampled else {}))
 
     @property
     def header(self) -> str:
@@ -251,7 +244,8 @@ def _write_parquet(file: BinaryIO, layout: Layout, lines: Iterable[str]) -> None
     types = {_TEXT: arrow.string(), _NUMBER: arrow.float64(), _COUNT: arrow.int64()}
     schema = arrow.schema([(name, types[kind]) for name, kind in layout.kinds.items()])
     with parquet.ParquetWriter(file, schema) as writer:
-        for group in _groups(lines):
+        rest = iter(lines)
+        while group := list(islice(rest, _ROWS_AT_A_TIME)):
             frame = to_frame(layout, group)
             writer.write_table(arrow.Table.from_pandas(frame, schema=schema, preserve_index=False))
 
@@ -273,12 +267,6 @@ def read_parquet(content: IO[bytes], most_cells: int) -> pd.DataFrame:
         raise ValueError(f"it claims {cells} cells")
     frame: pd.DataFrame = file.read().to_pandas()
     return frame
-
-
-def _groups(lines: Iterable[str]) -> Iterator[Sequence[str]]:
-    rest = iter(lines)
-    while group := list(islice(rest, _ROWS_AT_A_TIME)):
-        yield group
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -10,7 +10,7 @@ inputs and model: the tip at which noise matters least may be the one at which P
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -29,7 +29,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.priors import Given
 from underlay.inference.problem import Problem, by_path
-from underlay.inference.profiles import profile
+from underlay.inference.profiling.profile import profile
 from underlay.inference.profiling.profile_result import Interval
 from underlay.inference.uncertainty.answer import NORMAL_95
 from underlay.inference.uncertainty.budget import sources_of
@@ -83,22 +83,17 @@ class Grid:
     @classmethod
     def of(
         cls,
-        scene: Scene,
-        free: Mapping[str, Given],
-        noise: NoiseModel,
+        problem_of: Callable[[float, float], Problem],
         radii: FloatArray,
         depths: FloatArray,
         specimen: Sequence[str],
-        points: int,
-        solver: AnySolver,
-        record: Record | None = None,
     ) -> Grid:
         """Compute the information of tests with tips of some radii, indented to some depths.
 
         Parameters
         ----------
-        scene, free, noise, points, solver, record
-            As in `plan`.
+        problem_of : callable
+            The problem of a test, from its radius and depth (m).
         radii, depths : FloatArray
             Tip radii and largest depths (m), (r,) and (d,).
         specimen : sequence of str
@@ -115,11 +110,9 @@ class Grid:
         information, peak_force = np.zeros((*shape, size, size)), np.full(shape, np.nan)
         prior, slopes = np.zeros((size, size)), np.zeros(size)
         refusals: dict[tuple[int, int], str] = {}
-        for (i, j), _ in np.ndenumerate(peak_force):
-            tipped = scene.with_values({"indenter.radius": float(radii[i])})
+        for i, j in np.ndindex(shape):
             try:
-                depth, time = readings(scene, float(depths[j]), points, record)
-                problem = expected_problem(tipped, depth, free, noise, time=time, solver=solver)
+                problem = problem_of(float(radii[i]), float(depths[j]))
                 start = problem.start
                 information[i, j], prior = about_specimen(problem, start, problem.noises(start), specimen)
             except ParameterError:
@@ -134,20 +127,29 @@ class Grid:
         return cls(information, prior, slopes, peak_force, refusals)
 
 
-def readings(
-    scene: Scene, depth: float, points: int, record: Record | None = None
-) -> tuple[FloatArray, FloatArray | None]:
-    """Depth readings (m), (n,), of a planned test to a given depth (m), and its times (s) or None.
+def planned_problem(
+    scene: Scene,
+    radius: float,
+    depth: float,
+    free: Mapping[str, Given],
+    noise: NoiseModel,
+    points: int,
+    solver: AnySolver,
+    record: Record | None = None,
+) -> Problem:
+    """The problem that a test with a tip of `radius` (m), indented to `depth` (m), would give.
 
     Without a record a quarter of the `points` readings lies before contact; a record is scaled to the depth.
     """
     if record is None:
         before = -_APPROACH / (1.0 - _APPROACH) * depth
-        return np.asarray(np.linspace(before, depth, points) + scene.instrument.contact_depth), None
-    taken, time = (as_finite(column, "record") for column in record)
-    return depth / positive(taken.max(), "the deepest point of the record", "m") * taken + (
-        scene.instrument.contact_depth
-    ), time
+        w, time = np.linspace(before, depth, points), None
+    else:
+        taken, time = (as_finite(column, "record") for column in record)
+        w = depth / positive(taken.max(), "the deepest point of the record", "m") * taken
+    tipped = scene.with_values({"indenter.radius": radius})
+    path = w + scene.instrument.contact_depth
+    return expected_problem(tipped, path, free, noise, time=time, solver=solver)
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,15 +367,13 @@ def plan(
             "a sample that remembers is planned with the motion of the test: its depths and times, as record or of "
             "a curve, or motion in [simulate]"
         )
-    grid = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver, record)
-    slope = grid.slopes[specimen.index(parameter)]
-    errors = _errors(grid.information + grid.prior, specimen.index(parameter), ~np.isnan(grid.peak_force))
 
     def problem_of(radius: float, depth: float) -> Problem:
-        path, time = readings(scene, depth, points, record)
-        tipped = scene.with_values({"indenter.radius": radius})
-        return expected_problem(tipped, path, wanted, noise, time=time, solver=solver)
+        return planned_problem(scene, radius, depth, wanted, noise, points, solver, record)
 
+    grid = Grid.of(problem_of, tips, ends, specimen)
+    slope = grid.slopes[specimen.index(parameter)]
+    errors = _errors(grid.information + grid.prior, specimen.index(parameter), ~np.isnan(grid.peak_force))
     combined = None
     if isinstance(scene.uncertainties, Mapping):
         shifts = np.full(errors.shape, np.nan)

@@ -6,7 +6,6 @@ import contextlib
 import math
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,14 +14,12 @@ from underlay._given import require_given, require_share
 from underlay._threads import one_thread
 from underlay.errors import InputError, ParameterError, UnderlayWarning
 from underlay.inference.design.identifiability import SPECIMEN, about_specimen, deviation_of
-from underlay.inference.design.planning import Grid
+from underlay.inference.design.planning import Grid, planned_problem
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.profiling.walked import constrained_fit
+from underlay.inference.problem import Problem
+from underlay.inference.profiling.walk import constrained_fit
 from underlay.quantities import kind_of, path_of
 from underlay.units import format_quantity
-
-if TYPE_CHECKING:
-    from underlay.inference.least_squares.fit_result import Fit
 
 # Steps of the radii tried in a decade: tips are sold in similar steps.
 _STEPS = (1.0, 2.0, 5.0)
@@ -228,17 +225,16 @@ def _forecast(
     """Standard error of both tests (SI) and force of the second (N), (r,) each, if a vector (k,) is true."""
     problem, curve = fit.problem, fit.curves[0]
     timed = fit.scenes[0].memory is not None and curve.time is not None
-    second = Grid.of(
-        problem.scenes(vector)[0],
-        {path: given for path, given in problem.free.items() if not path.startswith("noise.")},
-        fit.noises[0],
-        radii,
-        np.array([_depth(fit, vector)]),
-        specimen,
-        len(curve.depth),
-        problem.solver,
-        (curve.depth - fit.scenes[0].instrument.contact_depth, curve.time) if timed else None,
-    )
+    free = {path: given for path, given in problem.free.items() if not path.startswith("noise.")}
+    record = (curve.depth - fit.scenes[0].instrument.contact_depth, curve.time) if timed else None
+
+    def problem_of(radius: float, depth: float) -> Problem:
+        scene = problem.scenes(vector)[0]
+        return planned_problem(
+            scene, radius, depth, free, fit.noises[0], len(curve.depth), problem.solver, record
+        )
+
+    second = Grid.of(problem_of, radii, np.array([_depth(fit, vector)]), specimen)
     # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
     first = sum(about_specimen(problem, vector, fit.noises, specimen))
     slope = float(problem.slopes(vector)[problem.names.index(parameter)])

@@ -328,7 +328,7 @@ class Fit:
         if all(member.scene.memory is None for member in members):
             return ()
         # Not loaded for a sample that does not relax.
-        from underlay.inference.reported_moduli import of_memory, relaxed_moduli  # noqa: PLC0415  see above
+        from underlay.inference.sampling.derived import of_memory, relaxed_moduli  # noqa: PLC0415  see above
 
         flat = self.problem.physical(self.vector)[None]
         return (*relaxed_moduli(self.problem, flat), *of_memory(self.problem, flat))

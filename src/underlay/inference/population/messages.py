@@ -267,27 +267,8 @@ class Grid:
 
     def kernel(self, spread: float, rows: IntArray, columns: slice) -> FloatArray:
         """Share of a normal density about each place (rows) that falls into each cell (columns)."""
-        outer, count = len(self.outside), self.count
-        share = np.empty((len(rows), columns.stop - columns.start))
-        # Among evenly spaced places only the distance matters.
-        first, last = max(columns.start, outer + 1), min(columns.stop, outer + count - 1)
-        is_even = (rows >= outer) & (rows < outer + count)
         edges = np.concatenate([[-np.inf], 0.5 * (self.x[1:] + self.x[:-1]), [np.inf]])
-        if not is_even.any() or first >= last:
-            return _shares_of_cells(edges[columns.start : columns.stop + 1], self.x[rows], spread)
-        inside = slice(first - columns.start, last - columns.start)
-        here = self.x[rows[is_even]]
-        share[~is_even] = _shares_of_cells(
-            edges[columns.start : columns.stop + 1], self.x[rows[~is_even]], spread
-        )
-        share[is_even, : inside.start] = _shares_of_cells(edges[columns.start : first + 1], here, spread)
-        share[is_even, inside.stop :] = _shares_of_cells(edges[last : columns.stop + 1], here, spread)
-        away = (np.arange(count + 1) - 0.5) * self.step / spread
-        upwards = -np.diff(special.ndtr(-away))
-        steps = np.concatenate([upwards[:0:-1], upwards])
-        windows = np.lib.stride_tricks.sliding_window_view(steps, last - first)
-        share[is_even, inside] = windows[first - rows[is_even] + count - 1]
-        return share
+        return _shares_of_cells(edges[columns.start : columns.stop + 1], self.x[rows], spread)
 
 
 def _shares_of_cells(edges: FloatArray, x: FloatArray, spread: float) -> FloatArray:

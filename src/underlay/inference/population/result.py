@@ -12,7 +12,6 @@ import numpy as np
 from scipy import special
 
 from underlay._arrays import FloatArray
-from underlay.inference.population.selection import LeftOut
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +23,15 @@ _UPPER = 0.975
 _NORMAL = float(special.ndtri(_UPPER))
 # Share of the largest probability below which a place is left out, and number of places of a difference.
 _NOTHING, _DIFFERENCES = 1e-10, 1600
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One curve that is not used: its group, its name, and why."""
+
+    group: str
+    name: str
+    reason: str
 
 
 @dataclass(frozen=True)

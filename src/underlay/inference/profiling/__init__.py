@@ -1,1 +1,1 @@
-"""Parts of the profile likelihood; the public functions are in `profiles.py`."""
+"""Parts of the profile likelihood; the public function is in `profile.py`."""

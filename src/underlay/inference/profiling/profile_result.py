@@ -1,7 +1,7 @@
 """The profile likelihood of a parameter, its thresholds, and the confidence interval where it crosses them.
 
 An interval may have no end on one side, and its text then says so. Thresholds from simulated curves (`Draws`,
-`Calibration`) are made by `calibrated_profile.py`.
+`Calibration`) are made by `profile.py`.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from scipy import interpolate, optimize, special
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.profiling.walk import HIGHEST
 from underlay.quantities import kind_of
 from underlay.units import format_ends
 
 #: Largest z inside an interval, by scaled value of the parameter, any shape.
 Limit: TypeAlias = Callable[[FloatArray], FloatArray]
+#: Largest z to which a profile is computed: that of a 99.9 % interval, and a little more.
+HIGHEST = 3.4
 # Fall of t between two steps of a walk that is a second basin: rounding of two refits is a thousand times less.
 _FALL = 1e-3
 

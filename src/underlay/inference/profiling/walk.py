@@ -1,15 +1,18 @@
-"""Steps of a profile from an optimum to one side, the other parameters fitted again at each.
+"""Steps of a profile outwards from every optimum of a fit, and the best fit with one parameter held.
 
 With t the rise of chi-square, steps are of about half a unit of z = sqrt(t), in which a profile is nearly straight.
+A fit with a parameter held starts from every optimum that the fit found and from a scan.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import Ahead, Minimum, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
@@ -18,10 +21,9 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan import LIKELY, scan
 from underlay.inference.problem import Problem
+from underlay.inference.profiling.profile_result import HIGHEST, LikelihoodProfile
 from underlay.scene.noise import Noise
 
-#: Largest z that a walk goes to: that of a 99.9 % interval, and a little more.
-HIGHEST = 3.4
 _STEP = 0.5  # step in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 # A rise of z in one step beyond which the step is taken again, shorter.
 _STEEPEST = 2.0 * _STEP
@@ -45,6 +47,8 @@ _SAME = 1e-9
 _FLAT = 3e-2
 # Rise t below which a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
+# How much better (in t) a point of its own profile must be for a fit not to be the optimum.
+_DEEPER = 1e-3
 _BETTER = 0.01  # gain in t that matters: less changes no interval by a hundredth of its width
 # The search of a step. The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than
 # 2e-3 is the last: where t is 3.84 that moves an end by 3e-4 of its distance, and along a plateau many such steps
@@ -140,89 +144,34 @@ class Walk:
         t is the rise of chi-square, `direction` 1 or -1. Where the other parameters turn out at that end to fit
         better elsewhere, the profile is made again with a search at every step.
         """
-        walked = self._afresh()._steps(direction, highest, watchful=False)  # noqa: SLF001  own class
-        if walked.reason != "lost":
-            return walked
-        return self._afresh()._steps(direction, highest, watchful=True)  # noqa: SLF001  own class
+        walk = self._gone(direction, highest, watchful=False)
+        return walk if walk.reason != "lost" else self._gone(direction, highest, watchful=True)
 
-    def _afresh(self) -> Walk:
-        """Return the profile with its starting point only."""
-        return replace(self, vectors=self.vectors[:1], delta_chi_squares=self.delta_chi_squares[:1])
-
-    def _steps(self, direction: float, highest: float, *, watchful: bool) -> Walk:
-        """Make the profile once, up to z = sqrt(t) of `highest`, t the rise of chi-square.
+    def _gone(self, direction: float, highest: float, *, watchful: bool) -> Walk:
+        """Make the profile once, from its starting point.
 
         The reason of its end is ``"lost"`` if only there a better fit of the other parameters was found. With
         `watchful` such a fit is looked for at every step.
         """
-        bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
-        here = float(self.vectors[0][self.index])
-        room = abs(bound - here)
-        step = first = self._first_step()
-        wall = np.inf
-        for _ in range(_MOST_STEPS):
-            travelled = abs(float(self.vectors[-1][self.index]) - here)
-            is_far = direction * float(self.vectors[-1][self.index]) >= _FARTHEST - _ROUNDED
-            at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
-            # Far out on a plateau it is the range of floating-point numbers that ends, and not that of the laws.
-            if at_wall and not is_far:
-                return replace(self, reason="law")
-            # Half the way to where there was no law, once that is known.
-            step = min(step, room - travelled, 0.5 * (wall - travelled), self._left(direction, travelled))
-            if step <= 1e-12 * (1.0 + travelled):
-                return replace(self, reason="bound")
-            # From an optimum far out on a plateau (a base that might be rigid) the profile goes all the way back.
-            if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
-                return replace(self, reason="none")
-            q = here + direction * (travelled + step)
-            found = self.follow(q, rough=True)
-            if found is None:
-                wall = travelled + step
-                continue
-            climb = self._z(self.delta_chi_square(found)) - self._z(self.delta_chi_squares[-1])
-            if climb > _STEEPEST and step > 1e-3 * first:
-                # A valley that lies open at the optimum and closes further on: its curvature there, or the
-                # slope of the last step, foretold too long a step, and there is nothing to read between; or
-                # a second basin lies within it.
-                step *= max(_STEP / climb, 0.1)
-                continue
-            ended = self.delta_chi_square(found) > highest**2
-            if ended or (watchful and self.in_doubt(found)):
-                other = self.look_elsewhere(q, found) or found
-                if not watchful and self.delta_chi_square(other) < self.delta_chi_square(found) - _BETTER:
-                    return replace(self, reason="lost")
-                found, ended = other, self.delta_chi_square(other) > highest**2
-            self.vectors.append(found.vector)
-            self.delta_chi_squares.append(self.delta_chi_square(found))
-            if ended:
-                return replace(self, reason="data")
-            step = self._next_step(step)
-        return replace(self, reason="none")
+        walk = replace(self, vectors=self.vectors[:1], delta_chi_squares=self.delta_chi_squares[:1])
 
-    def _left(self, direction: float, travelled: float) -> float:
-        """Distance (scaled) to where a profile that stays flat ends: nothing is computed further out.
+        def settled(q: float, found: Point) -> Point | None:
+            rise = walk.delta_chi_square(found)
+            if rise <= highest**2 and not (watchful and walk.in_doubt(found)):
+                return found
+            other = walk.look_elsewhere(q, found) or found
+            return other if watchful or walk.delta_chi_square(other) >= rise - _BETTER else None
 
-        `direction` is 1 or -1, `travelled` the distance from the start.
-        """
-        left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
-        return left if left > _ROUNDED else np.inf
+        def follow(q: float) -> Point | None:
+            return walk.follow(q, rough=True)
+
+        places = walk.vectors, walk.delta_chi_squares
+        reason = outwards(walk.fit, walk.index, walk.base, places, direction, highest, follow, settled)
+        return replace(walk, reason=reason)
 
     def delta_chi_square(self, found: Point) -> float:
         """Rise t of chi-square at a point, above the fit."""
         return found.square - self.base
-
-    @staticmethod
-    def _z(rise: float) -> float:
-        return float(np.sqrt(max(rise, 0.0)))
-
-    def _first_step(self) -> float:
-        deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
-        return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
-
-    def _next_step(self, step: float) -> float:
-        """Step in the scaled parameter for half a unit of z = sqrt(t), from the slope of z over the last step."""
-        slope = abs(self._z(self.delta_chi_squares[-1]) - self._z(self.delta_chi_squares[-2])) / step
-        return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
     def in_doubt(self, found: Point | None) -> bool:
         """Whether a better fit of the other parameters than `found` could still change an interval."""
@@ -281,7 +230,7 @@ class Walk:
         quick = self._search(begin, replace(_FINE, steps=_QUICK))
         if quick is None or quick.success:
             return None if quick is None else self._off_plateau(quick.point)
-        climb = self._z(self.delta_chi_square(quick.point)) - self._z(self.delta_chi_squares[-1])
+        climb = _root(self.delta_chi_square(quick.point)) - _root(self.delta_chi_squares[-1])
         if climb > _FAR_TOO_STEEP:
             return quick.point
         return self._minimised(quick.point.vector)
@@ -294,26 +243,16 @@ class Walk:
         Parameters without effect at the end are tried again from the scene's values. None where no law exists, or
         the search leads to the point `known`.
         """
-        found = self._searched(start, search, known)
-        return None if found is None else self._off_plateau(found)
-
-    def _searched(
-        self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
-    ) -> Point | None:
-        """Fit the other parameters from a scaled vector (k,); returns the lowest point whose model was computed.
-
-        None where no law exists, or the search leads to the point `known`; a parameter `plateau` without effect
-        there may then have any large value.
-        """
-        found = self._search(start, search, known, plateau)
-        return None if found is None else found.point
+        found = self._search(start, search, known)
+        return None if found is None else self._off_plateau(found.point)
 
     def _search(
         self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
     ) -> Minimum | None:
-        """Minimise over the other parameters from a scaled vector (k,), and say whether that converged.
+        """Fit the other parameters from a scaled vector (k,); gives the lowest point whose model was computed.
 
-        Arguments and None as in `_searched`.
+        None where no law exists, or the search leads to the point `known`; a parameter `plateau` without effect
+        there may then have any large value.
         """
         refused = self.objective.failures + _MOST_REFUSED
 
@@ -336,20 +275,19 @@ class Walk:
         profile of the thickness would miss that a thinner layer on a softer base fits as well.
         """
         for i in self._flat(found):
-            other = self._searched(_with(found.vector, i, 0.0), _ROUGH, found, i)
+            other = self._search(_with(found.vector, i, 0.0), _ROUGH, found, i)
             # Only what does not lead back to the plateau is worth an exact search.
-            if other is not None and i not in self._flat(other):
-                other = self._searched(other.vector, _FINE, found, i)
+            if other is not None and i not in self._flat(other.point):
+                other = self._search(other.point.vector, _FINE, found, i)
             else:
                 other = None
             if other is None:
                 # Steps along a plateau are cut short, and those of the other parameters with them, which then stop
                 # too early.
                 held = replace(self.objective, held=self.objective.held | {i})
-                minimum = minimise(held, found.vector, _FINE)
-                other = None if minimum is None else minimum.point
-            if other is not None and other.square < found.square:
-                found = other
+                other = minimise(held, found.vector, _FINE)
+            if other is not None and other.point.square < found.square:
+                found = other.point
         return found
 
     def _flat(self, found: Point) -> list[int]:
@@ -367,6 +305,95 @@ class Walk:
         tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
         tangent[self.index] = 1.0
         return tangent
+
+
+def outwards(
+    fit: Fit,
+    index: int,
+    base: float,
+    places: tuple[list[FloatArray], list[float]],
+    direction: float,
+    highest: float,
+    follow: Callable[[float], Any],
+    settled: Callable[[float, Any], Any] = lambda _, found: found,
+) -> str:
+    """Step from the last place of a profile outwards, until z = sqrt(t) exceeds `highest` or the way ends.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    index : int
+        Entry of the profiled parameter in a scaled vector.
+    base : float
+        What the `square` of a place is at t = 0.
+    places : (list of FloatArray, list of float)
+        Scaled vectors (k,) and their t; the places of the way are appended.
+    direction : float
+        1 or -1.
+    highest : float
+        The largest z.
+    follow : callable
+        The place with the parameter held at a scaled value: its `vector` (k,) and its `square`, which is base + t;
+        None where no law exists.
+    settled : callable
+        A place that is kept, from the scaled value and what `follow` gave; None gives up.
+
+    Returns
+    -------
+    str
+        Why it ends: ``"data"``, ``"bound"``, ``"law"``, ``"none"``, or ``"lost"`` where `settled` gave up.
+    """
+    vectors, rises = places
+    here = float(vectors[0][index])
+    room = abs(fit.problem.bounds[index][1 if direction > 0.0 else 0] - here)
+    deviation = float(np.sqrt(fit.scaled_covariance[index, index]))
+    step = first = _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
+    wall = np.inf
+    for _ in range(_MOST_STEPS):
+        last = float(vectors[-1][index])
+        travelled = abs(last - here)
+        is_far = direction * last >= _FARTHEST - _ROUNDED
+        at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
+        # Far out on a plateau it is the range of floating-point numbers that ends, and not that of the laws.
+        if at_wall and not is_far:
+            return "law"
+        # A profile that stays flat ends there: nothing is computed further out.
+        left = _FARTHEST - min(travelled, direction * last)
+        # Half the way to where there was no law, once that is known.
+        step = min(step, room - travelled, 0.5 * (wall - travelled), left if left > _ROUNDED else np.inf)
+        if step <= 1e-12 * (1.0 + travelled):
+            return "bound"
+        # From an optimum far out on a plateau (a base that might be rigid) the profile goes all the way back.
+        if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
+            return "none"
+        q = here + direction * (travelled + step)
+        found = follow(q)
+        if found is None:
+            wall = travelled + step
+            continue
+        climb = _root(found.square - base) - _root(rises[-1])
+        if climb > _STEEPEST and step > 1e-3 * first:
+            # A valley that lies open at the optimum and closes further on: its curvature there, or the slope of the
+            # last step, foretold too long a step, and there is nothing to read between; or a second basin lies
+            # within it.
+            step *= max(_STEP / climb, 0.1)
+            continue
+        found = settled(q, found)
+        if found is None:
+            return "lost"
+        vectors.append(found.vector)
+        rises.append(found.square - base)
+        if rises[-1] > highest**2:
+            return "data"
+        # Half a unit of z, from the slope of z over the last step.
+        slope = abs(_root(rises[-1]) - _root(rises[-2])) / step
+        step = min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+    return "none"
+
+
+def _root(rise: float) -> float:
+    return float(np.sqrt(max(rise, 0.0)))
 
 
 def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
@@ -399,3 +426,112 @@ def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[
     # The profile explains the data nearly as well as the fit does: a start that is far worse leads no lower.
     likely = [start.vector for start in scan(held) if start.misfit <= LIKELY]
     return [problem.vector(known | held.values(start)) for start in likely]
+
+
+def walked(fit: Fit, name: str, highest: float) -> tuple[LikelihoodProfile, FloatArray | None]:
+    """Profile of a parameter up to z = sqrt(t) of `highest`, with t the rise of chi-square.
+
+    Returned with it is a scaled vector (k,) that fits better than the fit, None if none was met.
+    """
+    index = fit.names.index(name)
+    below, above = _both_sides(fit, index, fit.vector, highest)
+    rise, deepest = min((below.deepest, above.deepest), key=lambda basin: basin[0])
+    branches = []
+    for other in fit.alternatives:
+        left, right = _both_sides(fit, index, other.vector, highest)
+        branches.append(_joined(fit, name, left, right))
+    return _joined(fit, name, below, above, tuple(branches)), deepest if rise < -_DEEPER else None
+
+
+def _both_sides(fit: Fit, index: int, vector: FloatArray, highest: float) -> list[Walk]:
+    """Profile below and above a scaled vector (k,), up to z = sqrt(t) of `highest`, t the rise of chi-square."""
+    return [Walk.start(fit, index, vector).go(side, highest).with_bottoms() for side in (-1.0, 1.0)]
+
+
+def _joined(
+    fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[LikelihoodProfile, ...] = ()
+) -> LikelihoodProfile:
+    index = fit.names.index(name)
+    vectors = np.array([*below.vectors[:0:-1], *above.vectors])
+    rise = np.maximum(np.array([*below.delta_chi_squares[:0:-1], *above.delta_chi_squares]), 0.0)
+    return LikelihoodProfile(
+        name=name,
+        fit=fit,
+        values=read_only(fit.problem.coordinates[index].physical(vectors[:, index])),
+        delta_chi_square=read_only(rise),
+        vectors=read_only(vectors),
+        ends=(below.reason, above.reason),
+        branches=branches,
+    )
+
+
+def index_of(fit: Fit, name: str) -> int:
+    """Entry of a free parameter in a scaled vector.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, or is one of the noise.
+    """
+    if name not in fit.names:
+        raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
+    if name.startswith("noise."):
+        raise InputError(
+            f"{name!r}: the noise is frozen where a value is held or drawn curves are fitted; "
+            "a profile without calibration follows its likelihood"
+        )
+    return fit.names.index(name)
+
+
+def missed(fit: Fit, vector: FloatArray) -> float:
+    """Change of chi-square, zero or negative, if the fit is made again from a scaled vector (k,).
+
+    Of two optima a fit may have found the higher one only.
+    """
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    found = minimise(objective, vector)
+    if found is None:
+        return 0.0
+    return min(objective.square(found.vector) - objective.square(fit.vector), 0.0)
+
+
+def constrained_fit(
+    fit: Fit, name: str, value: float, near: FloatArray | None = None
+) -> tuple[float, FloatArray]:
+    """Best fit with one parameter held at a value (SI): its rise t of chi-square and its scaled vector (k,).
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name : str
+        The parameter that is held.
+    value : float
+        Its value (SI).
+    near : FloatArray, optional
+        Scaled vector (k,) to begin at instead of the optima: the truth of a simulated curve.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, the value is outside its bounds, or no law exists there.
+    """
+    index = index_of(fit, name)
+    coordinate = fit.problem.coordinates[index]
+    if not coordinate.low <= value <= coordinate.high:
+        raise InputError(
+            f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
+        )
+    q = coordinate.scaled(value)
+    walk = Walk.start(fit, index, fit.vector)
+    begin = [near] if near is not None else [fit.vector, *(other.vector for other in fit.alternatives)]
+    best = None
+    for place in begin:
+        found = Walk.start(fit, index, place).follow(q)
+        if found is not None and (best is None or walk.delta_chi_square(found) < walk.delta_chi_square(best)):
+            best = found
+    if walk.in_doubt(best):
+        best = walk.look_elsewhere(q, best)
+    if best is None:
+        raise InputError(f"no contact law at {name} = {value!r}")
+    return walk.delta_chi_square(best), best.vector

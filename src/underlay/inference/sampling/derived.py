@@ -14,27 +14,21 @@ equilibrium force of a poroelastic layer;
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
 from underlay.inference.model.forward_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.reported_moduli import of_memory, relaxed_moduli, suffixes
 from underlay.mechanics.body import Base
+from underlay.mechanics.relaxation import Prony
 from underlay.mechanics.response import WholeHistory
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, kind_of, numbers_of, path_of
 from underlay.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from underlay.inference.least_squares.fit_result import Fit
 
 #: Quantities derived for an adhesive contact, by the last word of their names.
 ADHESIVE = {
@@ -42,10 +36,6 @@ ADHESIVE = {
     "pull_off_depth": Quantity("length", "pull-off depth"),
     "zero_load_radius": Quantity("length", "contact radius without load"),
 }
-# Relative step of central differences of the adhesive numbers, which are smooth in every parameter.
-_STEP = 1e-3
-# Relative change of a number over that of a parameter below which it does not depend on the parameter.
-_ACTS = 0.02
 #: Kind and name of the derived quantities, by the last word of their names.
 DERIVED = {
     "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
@@ -62,15 +52,6 @@ DERIVED = {
 }
 
 
-class AdhesiveNumber(NamedTuple):
-    """A number of an adhesive contact: value (SI) and 95 % interval, infinite where the data set no limit."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-
-
 def adhesive_numbers(scene: Scene, solver: Solver) -> dict[str, float]:
     """Pull-off force (N), pull-off depth (m) and zero-load radius (m) of a scene with adhesion, by name.
 
@@ -79,76 +60,6 @@ def adhesive_numbers(scene: Scene, solver: Solver) -> dict[str, float]:
     """
     law = scene.contact_law(0.0, solver=solver)
     return {f"adhesion.{name}": float(getattr(law, name)) for name in ADHESIVE}
-
-
-def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
-    """Pull-off force and depth and zero-load radius of one curve of a fit, with intervals; empty without adhesion.
-
-    A number that depends on one parameter alone has that parameter's interval, converted; others have the interval
-    of `Fit.band`, which is infinite where a parameter that they depend on is not determined.
-    """
-    scene, member = result.scenes[curve], result.problem.members[curve]
-    if scene.adhesion is None:
-        return []
-    paths = [
-        path for path in member.entries if path in scene.parameters and not path.startswith("instrument.")
-    ]
-    rows = [member.entries[path] for path in paths]
-    numbers = adhesive_numbers(scene, result.solver)
-    at = np.array([*numbers.values()])
-    slopes = _slopes(scene, result.solver, paths)
-    optimum = result.problem.physical(result.vector)[rows]
-    shares = slopes * optimum[:, None] / at
-
-    def of(physical: FloatArray) -> FloatArray:
-        # Absolute values, with the logarithms to first order.
-        return np.asarray(np.abs(at) * np.exp((physical[:, rows] - optimum) @ (slopes / at)))
-
-    band = np.sort(np.sign(at) * np.array(result.band(of)), axis=0)
-    found = []
-    for column, name in enumerate(numbers):
-        acting = np.flatnonzero(~(np.abs(shares[:, column]) < _ACTS))
-        stated = [result.interval(result.problem.names[rows[row]]) for row in acting]
-        low, value, high = (float(end) for end in band[:, column])
-        if len(stated) == 1:
-            path, slope = paths[acting[0]], float(slopes[acting[0], column])
-            ends = (stated[0].low, stated[0].value, stated[0].high)
-            low, value, high = sorted(_followed(scene, result.solver, name, path, end, slope) for end in ends)
-        elif any(known.is_open for known in stated):
-            low, high = -math.inf, math.inf
-        found.append(AdhesiveNumber(name, value, low, high))
-    return found
-
-
-def _followed(scene: Scene, solver: Solver, name: str, path: str, end: float, slope: float) -> float:
-    """An adhesive number with its one parameter at the end of that one's interval; infinite for an infinite end.
-
-    `slope` is the derivative of the number, whose sign gives the side.
-    """
-    if math.isfinite(end):
-        try:
-            return adhesive_numbers(scene.with_values({path: end}), solver)[name]
-        except InputError:
-            end = math.copysign(math.inf, end - scene.parameters[path])
-    return math.copysign(math.inf, end * slope)
-
-
-def _slopes(scene: Scene, solver: Solver, paths: Sequence[str]) -> FloatArray:
-    """d number / d parameter, (parameters, numbers), by differences; one-sided where only one side is possible."""
-    values, slopes = scene.parameters, np.zeros((len(paths), len(ADHESIVE)))
-    middle = np.array([*adhesive_numbers(scene, solver).values()])
-    for row, path in enumerate(paths):
-        step = _STEP * (abs(values[path]) or 1.0)
-        sides = []
-        for sign in (1.0, -1.0):
-            try:
-                moved = scene.with_values({path: values[path] + sign * step})
-                numbers = adhesive_numbers(moved, solver)
-            except InputError:
-                continue
-            sides.append((np.array([*numbers.values()]) - middle) / (sign * step))
-        slopes[row] = np.mean(sides, axis=0) if sides else np.nan
-    return slopes
 
 
 def kind_of_quantity(name: str) -> str:
@@ -259,3 +170,72 @@ def _deepest_stiffness(member: Member, flat: FloatArray) -> tuple[FloatArray, bo
     )
     _, stiffness, _, possible = short.readings(flat)
     return stiffness[:, 0], bool(possible.all())
+
+
+def suffixes(problem: Problem, paths: Sequence[Sequence[str]]) -> list[str]:
+    """Suffixes of the names of a quantity that is computed from some numbers of a scene, one for every curve.
+
+    `paths` are those numbers' paths, for every curve. Curves in which they are the same parameters and the same
+    known values share one quantity, without a suffix; others have their own, ``"[1]"`` that of the second. A curve
+    without such a quantity has no paths.
+    """
+    if len(problem.members) == 1:
+        return [""]
+    sources = [
+        tuple((path, _source(problem, member, path)) for path in own)
+        for member, own in zip(problem.members, paths, strict=True)
+    ]
+    # A parameter of a single curve has that curve's number in its name.
+    shared = [all(source == path or not isinstance(source, str) for path, source in own) for own in sources]
+    distinct = {own for own, is_shared in zip(sources, shared, strict=True) if own and is_shared}
+    return [
+        "" if is_shared and len(distinct) < 2 else f"[{number}]" for number, is_shared in enumerate(shared)
+    ]
+
+
+def _source(problem: Problem, member: Member, path: str) -> str | float:
+    """Name of the free parameter at a path of one curve, or its known value."""
+    return problem.names[member.entries[path]] if path in member.entries else member.base[path]
+
+
+def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
+    """Instantaneous and equilibrium modulus of every relaxing layer, (n,), at draws (n, parameters)."""
+    paths = [_paths(member) for member in problem.members]
+    # The first path is that of the modulus, which alone gives the instantaneous value.
+    firsts, lasts = suffixes(problem, [own[:1] for own in paths]), suffixes(problem, paths)
+    found: dict[str, FloatArray] = {}
+    for member, own, first, last in zip(problem.members, paths, firsts, lasts, strict=True):
+        if own:
+            modulus, *fractions = (
+                flat[:, member.entries[path]]
+                if path in member.entries
+                else np.full(len(flat), member.base[path])
+                for path in own
+            )
+            found.setdefault(f"layer.instantaneous_modulus{first}", modulus)
+            found.setdefault(f"layer.equilibrium_modulus{last}", modulus * (1.0 - np.sum(fractions, axis=0)))
+    return found
+
+
+def of_memory(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
+    """Quantities derived from memories with their own force law, by name, (n,), at draws (n, parameters)."""
+    found: dict[str, FloatArray] = {}
+    several = len(problem.members) > 1
+    for number, member in enumerate(problem.members):
+        history = member.forward.history
+        if not isinstance(history, WholeHistory) or not history.derived():
+            continue
+        rows = [history.at(member.values_at(row)).derived() for row in flat]
+        for name in rows[0] if rows else ():
+            found[f"{name}[{number}]" if several else name] = np.array([row[name] for row in rows])
+    return found
+
+
+def _paths(member: Member) -> list[str]:
+    """Paths of modulus and relaxing fractions of a layer, if at least one of them is free, else none."""
+    relaxation = member.scene.layer.relaxation
+    if not isinstance(relaxation, Prony):
+        return []
+    fractions = (f"layer.relaxation.fractions[{k}]" for k in range(len(relaxation.fractions)))
+    paths = ["layer.E", *fractions]
+    return paths if any(path in member.entries for path in paths) else []

@@ -47,21 +47,17 @@ _SAME_DENSITY = 1e-3
 
 
 class Target:
-    """Log-posterior of a fit's problem as a function of scaled vectors, with a record of failed evaluations.
+    """Log-posterior of a fit's likelihood as a function of scaled vectors, with a record of failed evaluations.
 
     Called with (m, p) it returns (m,). An evaluation fails, and gives -inf, when the prior allows the parameters
     and the model has no finite likelihood there, or raises one of the project's errors or an arithmetic one.
     """
 
-    def __init__(self, found: Fit, likelihood: Likelihood) -> None:
-        self.fit, self.problem, self.likelihood = found, found.problem, likelihood
+    def __init__(self, found: Fit) -> None:
+        self.fit, self.problem = found, found.problem
+        self.likelihood: Likelihood = cast(Any, found.statement).likelihood
         self.evaluations = self.failures = 0
         self._low, self._high = np.full((2, len(found.names)), np.array([[np.inf], [-np.inf]]))
-
-    @classmethod
-    def of(cls, found: Fit) -> Self:
-        """Log-posterior of a fit's likelihood."""
-        return cls(found, cast(Any, found.statement).likelihood)
 
     def __call__(self, vectors: FloatArray) -> FloatArray:
         """Log-posterior (m,) at scaled vectors (m, p)."""
@@ -161,8 +157,9 @@ class WeightedDraws:
         off = self.weights[None, :, None] * (below - np.array(LEVELS)[:, None, None])
         return quantile_errors(self.vectors, self.weights, np.sqrt(np.square(off).sum(axis=1)))
 
-    def record(self, disagreement: str, *, is_open: bool) -> Importance:
-        """Quality of the draws as a record; without the evidence where the noise `is_open`, that is, not stated."""
+    def record(self, disagreement: str) -> Importance:
+        """Quality of the draws as a record; without the evidence where the noise is not stated."""
+        is_open = self.source.problem.noise_is_open
         error = math.sqrt(max(1.0 / self.effective - 1.0 / len(self.weights), 0.0))
         return Importance(
             draws=len(self.weights),

@@ -18,7 +18,6 @@ from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.fitting import fit, quick_fit
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
-from underlay.inference.problem_record import problem_from_record, problem_record
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.sampling.diagnostics import (
     COMPARISON_COLUMNS,
@@ -32,7 +31,14 @@ from underlay.inference.sampling.diagnostics import (
     quantile_errors,
     rank_normalised_rhat,
 )
-from underlay.inference.sampling.posterior_file import LARGEST, parts_of, read_archive, write_archive
+from underlay.inference.sampling.posterior_file import (
+    LARGEST,
+    parts_of,
+    problem_from_record,
+    problem_record,
+    read_archive,
+    write_archive,
+)
 from underlay.inference.uncertainty.answer import Advice, Answer, Contribution, Interval, answers_table
 from underlay.inference.uncertainty.mixture import weighted_quantiles
 from underlay.inference.uncertainty.reading import Reading, widened

@@ -22,28 +22,25 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self, TypeAlias, cast
+from contextlib import nullcontext
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import emcee
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError, UnderlayWarning
+from underlay.inference.journal import Chain, ChainFile, open_chain
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.model.laws import quiet_law
-from underlay.inference.priors import Uniform
+from underlay.inference.priors import Uniform, require_proper
 from underlay.inference.problem import Problem
-from underlay.inference.sampling import chain_file
-from underlay.inference.sampling.chain_file import ChainFile
+from underlay.inference.progress import ProgressLine
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.inference.sampling.diagnostics import (
     MIN_STEPS,
@@ -80,6 +77,16 @@ _KEPT_PER_TIME = 4.0
 # Quantiles of a prior, and draws at which derived quantities and predictive bands are computed.
 _PRIOR_LEVELS, _DERIVED_DRAWS, _PREDICTIVE_DRAWS = 1001, 4096, 500
 
+# The progress line.
+_LINE = (
+    TextColumn("sampling"),
+    BarColumn(),
+    TextColumn("{task.completed} of about {task.total} steps"),
+    TextColumn("{task.fields[worth]}"),
+    TimeElapsedColumn(),
+    TimeRemainingColumn(),
+)
+
 
 @one_thread()
 def sample(
@@ -108,7 +115,7 @@ def sample(
     rng : int or numpy Generator, default 0
         Seed, or a generator to draw one from. The same seed gives the same posterior.
     backend : path, optional
-        HDF5 file to which every step is written at once (extra ``uq``), so that a killed process loses none.
+        File to which every step is written at once (an SQLite database), so that a killed process loses none.
     resume : bool, default False
         Continue the chain in `backend`, as if it had never stopped; begin it if there is no such file.
     progress : bool or callable, optional
@@ -133,8 +140,8 @@ def sample(
         is not set, or it holds the chain of another problem.
     FitError
         If nothing can be fitted, or ``"importance"`` is requested and the weights are not trusted: it says why.
-    MissingExtraError
-        If `backend` is given and h5py is not installed.
+    FileAccessError, FileFormatError
+        If the file `backend` cannot be written, or is no chain.
 
     Warns
     -----
@@ -151,21 +158,26 @@ def sample(
     seed, generator = _seeded(rng)
     for_draws, for_walkers, for_bands = generator.spawn(3)
     found = fit(problem)
-    density = Target.of(found)
+    density = Target(found)
     drawn = weigh(density, for_draws)
     if method == "importance":
         if drawn.refused:
             raise FitError(f"weighted draws are refused: {drawn.refused}; take the sampler emcee")
-        answer = _Answer.of_weights(drawn, for_draws, None)
+        draws = _of_weights(drawn, for_draws, None)
     else:
         names = found.problem.names
+        kept = (
+            nullcontext((None, None))
+            if backend is None
+            else open_chain(backend, names, walkers, resume=resume)
+        )
         with (
-            _chain_file(names, walkers, max_steps, backend, resume=resume) as (file, before),
-            _Line(max_steps, shown=progress) as line,
+            kept as (file, before),
+            ProgressLine(*_LINE, shown=progress, total=max_steps, worth="") as line,
         ):
-            run = _Run.begin(density, drawn, walkers, max_steps, for_walkers, file, before)
-            answer = _judged(run, drawn, line, limit, for_draws, names, by_weights=method is None)
-    posterior = _assemble(density, answer, for_bands, seed, time.perf_counter() - began)
+            run = _Run(density, drawn, walkers, max_steps, for_walkers, file, before)
+            draws = _judged(run, drawn, line, limit, for_draws, names, by_weights=method is None)
+    posterior = _assemble(density, draws, for_bands, seed, time.perf_counter() - began)
     _warn(posterior)
     return posterior
 
@@ -173,24 +185,24 @@ def sample(
 def _judged(
     run: _Run,
     drawn: WeightedDraws,
-    line: _Line,
+    line: ProgressLine,
     limit: float,
     rng: np.random.Generator,
     names: tuple[str, ...],
     *,
     by_weights: bool,
-) -> _Answer:
+) -> _Draws:
     """Weighted draws if they are requested and a chain agrees with them; else the draws of the long chain."""
     if by_weights and not drawn.refused:
         run.go(line, limit, most=_FIRST_CHECK)
         disagreement = differs(names, drawn, run.coords)
         if not disagreement:
-            return _Answer.of_weights(drawn, rng, run)
+            return _of_weights(drawn, rng, run)
     outcome = run.go(line, limit)
     disagreement = "" if drawn.refused else differs(names, drawn, run.coords)
     if by_weights and not (drawn.refused or disagreement):
-        return _Answer.of_weights(drawn, rng, run)
-    return _Answer.of_chain(run, outcome, drawn, disagreement)
+        return _of_weights(drawn, rng, run)
+    return _of_chain(run.coords, run.log_density, outcome, drawn, disagreement)
 
 
 def _with_proper_baseline(problem: Problem) -> Problem:
@@ -232,12 +244,7 @@ def _check(
         raise InputError(f"unknown method {method!r}; known: 'emcee', 'importance'")
     if method == "importance" and backend is not None:
         raise InputError("weighted draws are no chain and are not kept in a file: leave backend out")
-    improper = [name for name, prior in problem.priors.items() if not prior.proper]
-    if improper:
-        raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give it finite bounds "
-            "(min and max) or a prior that has a mean (normal, lognormal)"
-        )
+    require_proper(problem.priors)
     # The moves use the covariance of one half of the walkers, which needs p + 1 points to span p dimensions.
     least = 2 * (len(problem.names) + 1)
     if walkers < least:
@@ -281,53 +288,44 @@ def moves(proposal: Callable[[FloatArray, Any], tuple[FloatArray, FloatArray]]) 
 class _Run:
     """One ensemble of walkers during its run: the chain so far, (steps, walkers, parameters), and its sampler.
 
-    Steps read from a file are replayed and checked in the same way as new ones: all decisions are taken again, so
-    that an interrupted run ends where it would have ended.
+    The walkers are placed by the weighted draws, or at the last step that a file holds. Steps read from a file are
+    replayed and checked in the same way as new ones: all decisions are taken again, so that an interrupted run ends
+    where it would have ended.
     """
 
     def __init__(
         self,
-        sampler: emcee.EnsembleSampler,
-        density: Target,
-        state: emcee.State,
-        max_steps: int,
-        file: ChainFile | None,
-        before: FloatArray,
-    ) -> None:
-        self._sampler, self._density, self._state, self._file = sampler, density, state, file
-        self._coords = np.empty((max_steps, *state.coords.shape))
-        self._log_density = np.empty((max_steps, len(state.coords)))
-        self.max_steps = max_steps
-        self.steps, self._kept = 0, min(len(before), max_steps)
-        self._coords[: self._kept] = before[: self._kept, :, :-1]
-        self._log_density[: self._kept] = before[: self._kept, :, -1]
-
-    @classmethod
-    def begin(
-        cls,
         density: Target,
         drawn: WeightedDraws,
         walkers: int,
         max_steps: int,
         rng: np.random.Generator,
         file: ChainFile | None,
-        before: chain_file.Progress | None,
-    ) -> _Run:
-        """Place the walkers by the weighted draws, or at the last step that a file holds."""
+        before: Chain | None,
+    ) -> None:
         parameters = drawn.vectors.shape[1]
-        kept = np.empty((0, walkers, parameters + 1)) if before is None else before.chain
+        kept = np.empty((0, walkers, parameters + 1)) if before is None else before.steps
         words = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
         proposal = Proposal.of(drawn, rng)
         if before is not None and len(kept):
             last = kept[-1]
             density.evaluations, density.failures = before.evaluations, before.failures
             density.require_same(last[:, :-1], last[:, -1])
-            state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
+            self._state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
         else:
             coords, log_density = _placed(density, drawn, proposal, walkers, rng)
-            state = emcee.State(coords, log_prob=log_density, random_state=words.get_state())
-        sampler = emcee.EnsembleSampler(walkers, parameters, density, moves=moves(proposal), vectorize=True)
-        return cls(sampler, density, state, max_steps, file, kept)
+            self._state = emcee.State(coords, log_prob=log_density, random_state=words.get_state())
+        self._sampler = emcee.EnsembleSampler(
+            walkers, parameters, density, moves=moves(proposal), vectorize=True
+        )
+        self._density, self._file = density, file
+        self._coords = np.empty((max_steps, walkers, parameters))
+        self._log_density = np.empty((max_steps, walkers))
+        self.max_steps = self._needed = max_steps
+        self._effective = 0.0
+        self.steps, self._kept = 0, min(len(kept), max_steps)
+        self._coords[: self._kept] = kept[: self._kept, :, :-1]
+        self._log_density[: self._kept] = kept[: self._kept, :, -1]
 
     @property
     def coords(self) -> FloatArray:
@@ -339,7 +337,7 @@ class _Run:
         """Log-posterior so far, (steps, walkers)."""
         return self._log_density[: self.steps]
 
-    def go(self, line: _Line, limit: float, *, most: int | None = None) -> Outcome:
+    def go(self, line: ProgressLine, limit: float, *, most: int | None = None) -> Outcome:
         """Step until `most` are done; without it until the chain has converged or steps or time are used up.
 
         A KeyboardInterrupt ends it too. Returns the verdict on the chain.
@@ -350,11 +348,14 @@ class _Run:
             if self.steps == next_check and (outcome := judge(self.coords, most)).converged:
                 return outcome
             for _ in self._onward(most):
-                line.step(self.steps)
+                worth = f"{self._effective:.0f} effective samples" if self._effective else ""
+                told = (self.steps, self._needed, self._effective)
+                line.show(*told, completed=self.steps, total=self._needed, worth=worth)
                 if self.steps < next_check or self.steps >= most:
                     continue
                 outcome = judge(self.coords, most)
-                line.judge(float(outcome.effective.min()), min(outcome.probable_length, self.max_steps))
+                self._effective = float(outcome.effective.min())
+                self._needed = min(outcome.probable_length, self.max_steps)
                 if outcome.converged:
                     return outcome
                 if time.process_time() > limit:
@@ -424,139 +425,85 @@ def _check_from(steps: int) -> int:
     return check
 
 
-@contextmanager
-def _chain_file(
-    names: tuple[str, ...],
-    walkers: int,
-    max_steps: int,
-    backend: str | os.PathLike[str] | None,
-    *,
-    resume: bool,
-) -> Iterator[tuple[ChainFile | None, chain_file.Progress | None]]:
-    if backend is None:
-        yield None, None
-    elif resume and Path(backend).exists():
-        with ChainFile.resume(backend, names, (max_steps, walkers)) as (file, before):
-            yield file, before
-    else:
-        with ChainFile.create(backend, names, (max_steps, walkers)) as file:
-            yield file, None
-
-
-class _Line:
-    """Progress line on the terminal: steps done, effective samples so far and time left.
-
-    `shown` None shows it if standard error is a terminal; a function is called instead of it.
-    """
-
-    def __init__(self, total: int, *, shown: bool | Told | None) -> None:
-        self._report: Told | None = None if isinstance(shown, bool) else shown
-        self._total, self._effective = total, 0.0
-        console = Console(stderr=True, force_terminal=(shown is True) or None)
-        self._bar = Progress(
-            TextColumn("sampling"),
-            BarColumn(),
-            TextColumn("{task.completed} of about {task.total} steps"),
-            TextColumn("{task.fields[worth]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not (console.is_terminal if shown is None else shown is True),
-            refresh_per_second=4,
-        )
-        self._task = self._bar.add_task("sampling", total=total, worth="")
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        # Stopping prints a line even where nothing was shown, in versions of rich up to 14.
-        if not self._bar.disable:
-            self._bar.stop()
-
-    def step(self, done: int) -> None:
-        """Show that `done` steps are done."""
-        self._bar.update(self._task, completed=done)
-        if self._report is not None:
-            self._report(done, self._total, self._effective)
-
-    def judge(self, effective: float, needed: int) -> None:
-        """Show the effective samples so far and how many steps will probably be needed."""
-        self._total, self._effective = needed, effective
-        self._bar.update(self._task, total=needed, worth=f"{effective:.0f} effective samples")
-
-
 # --- the posterior ----------------------------------------------------------------------------------------
 
 
-class _Answer(NamedTuple):
+class _Draws(NamedTuple):
     """Draws (n, columns, p), scaled, their log-density (n, columns), and what the diagnostics record of them."""
 
     coords: FloatArray
     log_density: FloatArray
-    effective: FloatArray
-    outcome: Outcome
-    acceptance: float
-    thin: int
-    drawn: WeightedDraws | None
-    disagreement: str
-    weighted: bool
-    is_chain: bool
-
-    @classmethod
-    def of_weights(cls, drawn: WeightedDraws, rng: np.random.Generator, run: _Run | None) -> _Answer:
-        """Weighted draws, resampled, with the chain that checked them, if one was made."""
-        count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
-        rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
-        none = np.full(drawn.vectors.shape[1], np.nan)
-        reason = (
-            f"{len(drawn.weights)} weighted samples, as good as {drawn.effective:.0f} independent ones (Pareto k "
-            f"{drawn.pareto:.2f}; below 0.7 they can be trusted)"
-        )
-        steps, walkers, burn_in, times = len(rows), _COLUMNS, 0, none
-        acceptance = drawn.effective / len(drawn.weights)
-        if run is not None:
-            steps, walkers = run.coords.shape[:2]
-            burn_in, times = memory(run.coords)
-            acceptance = _moved(run.coords[burn_in:])
-            reason += f"; a chain of {steps} steps from them agrees within the errors of both"
-        outcome = Outcome(steps, walkers, burn_in, times, none, drawn.quantile_errors, True, reason)
-        effective = np.full(len(none), drawn.effective)
-        coords, levels = drawn.vectors[rows], drawn.log_density[rows]
-        is_chain = run is not None
-        return cls(coords, levels, effective, outcome, acceptance, 1, drawn, "", True, is_chain)
-
-    @classmethod
-    def of_chain(
-        cls,
-        run: _Run | _Made,
-        outcome: Outcome,
-        drawn: WeightedDraws | None,
-        disagreement: str,
-    ) -> _Answer:
-        """Draws of a chain after burn-in, thinned."""
-        fastest = float(np.min(outcome.times))
-        thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
-        thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
-        kept = slice(outcome.burn_in, None, thin)
-        if disagreement:
-            outcome = outcome._replace(reason=f"{outcome.reason}; weighted draws differ: {disagreement}")
-        acceptance = _moved(run.coords[outcome.burn_in :])
-        coords, levels = run.coords[kept], run.log_density[kept]
-        return cls(
-            coords, levels, outcome.effective, outcome, acceptance, thin, drawn, disagreement, False, True
-        )
+    record: dict[str, Any]
 
 
-class _Made(NamedTuple):
-    """A chain that another sampler made: positions (steps, walkers, p) and log-density (steps, walkers)."""
+def _of_weights(drawn: WeightedDraws, rng: np.random.Generator, run: _Run | None) -> _Draws:
+    """Weighted draws, resampled, with the chain that checked them, if one was made."""
+    count = -(-_TIMES * len(drawn.weights) // _COLUMNS) * _COLUMNS
+    rows = drawn.rows(count, rng).reshape(-1, _COLUMNS)
+    reason = (
+        f"{len(drawn.weights)} weighted samples, as good as {drawn.effective:.0f} independent ones (Pareto k "
+        f"{drawn.pareto:.2f}; below 0.7 they can be trusted)"
+    )
+    record = {
+        "converged": True,
+        "reason": reason,
+        "steps": len(rows),
+        "burn_in": 0,
+        "thin": 1,
+        "walkers": _COLUMNS,
+        "autocorrelation_time": (),
+        "rhat": (),
+        "acceptance": drawn.effective / len(drawn.weights),
+        "method": "importance",
+        "effective": (drawn.effective,) * drawn.vectors.shape[1],
+        "quantile_errors": drawn.quantile_errors,
+        "importance": drawn.record(""),
+        "weighted": True,
+    }
+    if run is not None:
+        burn_in, times = memory(run.coords)
+        record |= {
+            "reason": f"{reason}; a chain of {run.steps} steps from them agrees within the errors of both",
+            "steps": run.steps,
+            "burn_in": burn_in,
+            "walkers": run.coords.shape[1],
+            "autocorrelation_time": tuple(times.tolist()),
+            "acceptance": _moved(run.coords[burn_in:]),
+            "method": "emcee",
+        }
+    return _Draws(drawn.vectors[rows], drawn.log_density[rows], record)
 
-    coords: FloatArray
-    log_density: FloatArray
+
+def _of_chain(
+    coords: FloatArray,
+    log_density: FloatArray,
+    outcome: Outcome,
+    drawn: WeightedDraws | None = None,
+    disagreement: str = "",
+) -> _Draws:
+    """Draws of a chain (steps, walkers, p) after burn-in, thinned."""
+    fastest = float(np.min(outcome.times))
+    thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
+    thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
+    kept = slice(outcome.burn_in, None, thin)
+    reason = outcome.reason
+    record = {
+        "converged": outcome.converged,
+        "reason": f"{reason}; weighted draws differ: {disagreement}" if disagreement else reason,
+        "steps": outcome.steps,
+        "burn_in": outcome.burn_in,
+        "thin": thin,
+        "walkers": outcome.walkers,
+        "autocorrelation_time": tuple(outcome.times.tolist()),
+        "rhat": () if np.isnan(outcome.rhat).all() else tuple(outcome.rhat.tolist()),
+        "acceptance": _moved(coords[outcome.burn_in :]),
+        "method": "emcee",
+        "effective": tuple(outcome.effective.tolist()),
+        "quantile_errors": outcome.quantile_errors,
+        "importance": None if drawn is None else drawn.record(disagreement),
+        "weighted": False,
+    }
+    return _Draws(coords[kept], log_density[kept], record)
 
 
 def _moved(chain: FloatArray) -> float:
@@ -565,35 +512,25 @@ def _moved(chain: FloatArray) -> float:
 
 
 def _assemble(
-    density: Target, answer: _Answer, rng: np.random.Generator, seed: int | None, seconds: float
+    density: Target, draws: _Draws, rng: np.random.Generator, seed: int | None, seconds: float
 ) -> Posterior:
     """The posterior: draws converted to SI, derived quantities, predictive bands and diagnostics."""
-    problem, outcome = density.problem, answer.outcome
-    chain = problem.physical(answer.coords)
+    problem = density.problem
+    chain = problem.physical(draws.coords)
     flat = chain.reshape(-1, chain.shape[-1])
     chosen = rng.choice(len(flat), size=min(_PREDICTIVE_DRAWS, len(flat)), replace=False)
     best = problem.physical(density.fit.vector)
-    record = None
-    if answer.drawn is not None:
-        record = answer.drawn.record(answer.disagreement, is_open=problem.noise_is_open)
+    errors = draws.record["quantile_errors"].T.tolist()
     return Posterior(
         names=problem.names,
         chain=chain,
-        log_posterior=answer.log_density.copy(),
+        log_posterior=draws.log_density.copy(),
         priors=tuple(repr(prior) for prior in problem.priors.values()),
         prior_quantiles=_prior_quantiles(problem),
         derived=derived_quantities(problem, chain[:: -(-len(flat) // _DERIVED_DRAWS)]),
         predictive=predictive_bands(problem, flat[chosen], best, rng),
         diagnostics=SamplingDiagnostics(
-            converged=outcome.converged,
-            reason=outcome.reason,
-            steps=outcome.steps,
-            burn_in=outcome.burn_in,
-            thin=answer.thin,
-            walkers=outcome.walkers,
-            autocorrelation_time=tuple(outcome.times.tolist()) if answer.is_chain else (),
-            rhat=() if np.isnan(outcome.rhat).all() else tuple(outcome.rhat.tolist()),
-            acceptance=answer.acceptance,
+            **{**draws.record, "quantile_errors": dict(zip(problem.names, map(tuple, errors), strict=True))},
             evaluations=density.evaluations,
             failures=density.failures,
             failure_region=density.failure_region,
@@ -601,14 +538,6 @@ def _assemble(
             seed=seed,
             model_error=_model_error(problem, best),
             versions={**provenance(problem.curves)["versions"], "emcee": emcee.__version__},
-            method="emcee" if answer.is_chain else "importance",
-            effective=tuple(answer.effective.tolist()),
-            quantile_errors={
-                name: tuple(errors.tolist())
-                for name, errors in zip(problem.names, outcome.quantile_errors.T, strict=True)
-            },
-            importance=record,
-            weighted=answer.weighted,
         ),
         truth=_truth(problem),
         problem=problem,
@@ -694,7 +623,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
             f"a chain is {MIN_STEPS} steps or more of walkers in {parameters} scaled coordinates, "
             f"(steps, walkers, {parameters}); got shape {coords.shape}"
         )
-    density = Target.of(fit(problem))
+    density = Target(fit(problem))
     log_density = density(coords.reshape(-1, parameters)).reshape(coords.shape[:2])
     if not np.isfinite(log_density).all():
         step, walker = np.argwhere(~np.isfinite(log_density))[0]
@@ -702,8 +631,8 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
             f"the chain is at a place of no probability at step {step} of walker {walker}, where no draw can have "
             "been accepted; are these scaled coordinates?"
         )
-    answer = _Answer.of_chain(_Made(coords, log_density), judge(coords, len(coords)), None, "")
-    return _assemble(density, answer, np.random.default_rng(seed), seed, 0.0)
+    draws = _of_chain(coords, log_density, judge(coords, len(coords)))
+    return _assemble(density, draws, np.random.default_rng(seed), seed, 0.0)
 
 
 class _Averaged:
