@@ -47,7 +47,7 @@ def map_curves(
     check: Annotated[bool, typer.Option("--check", help="Check the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Values and least-squares errors alone, in an eighth of the time.")
+        bool, typer.Option("--quick", help="Values and least-squares errors alone, in a tenth of the time.")
     ] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
     seed: console.Seed = 0,

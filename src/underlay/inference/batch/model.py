@@ -65,7 +65,7 @@ class MapOptions:
         Sample the posterior of every curve; its answers are then those of the posterior.
     answers : bool, default True
         Give every curve the answers and the verdict that `Fit.answer` and `Fit.verdict` state. Without them the
-        table holds values and their least-squares standard errors only, in an eighth of the time.
+        table holds values and their least-squares standard errors only, in a tenth of the time.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
     folders : sequence of str, default ()

@@ -11,14 +11,14 @@ import math
 import time
 import warnings
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay._door import sha256_of
-from underlay.data.curve import Curve
+from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import GOOD, REFUSED, check_quality
 from underlay.data.readers import KeptOpen
 from underlay.errors import CurveError, FitError, UnderlayError, UnderlayWarning
@@ -32,16 +32,18 @@ from underlay.inference.batch.results_table import (
     LIKELIHOOD,
     Layout,
 )
+from underlay.inference.batch.separable import SeparableModel, separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.fit_warnings import NO_CONTACT
+from underlay.inference.least_squares.fit_warnings import NO_CONTACT, no_contact
 from underlay.inference.least_squares.provenance import STATED, curve_hash, instrument_modulus
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.derived import adhesive_numbers
-from underlay.inference.uncertainty.answer import Answer
+from underlay.inference.uncertainty.answer import Advice, Answer
 from underlay.inference.uncertainty.verdict import CHECK, REJECT
+from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
@@ -88,8 +90,24 @@ def given_up(place: CurvePlace, layout: Layout, reason: str) -> tuple[int, str]:
     return place.index, layout.text({**_about(place), **_failure(reason), "seconds": None})
 
 
+@dataclass(frozen=True)
+class _Found:
+    """The parts of a row that a fit gives: values and standard errors (SI) by path, law, statistics, warnings.
+
+    `more` are further cells by column.
+    """
+
+    values: Mapping[str, float]
+    stderr: Mapping[str, float]
+    law: str
+    reduced_chi_square: float
+    sum_of_squares: float
+    notes: tuple[str, ...]
+    more: Mapping[str, Any]
+
+
 class CurveFitter:
-    """Fits curves of a map into rows.
+    """Fits curves of a map into rows, with the common model compiled once for all curves of one worker.
 
     Parameters
     ----------
@@ -101,6 +119,10 @@ class CurveFitter:
 
     def __init__(self, model: BatchModel, layout: Layout) -> None:
         self._model, self._layout = model, layout
+        template = model.template
+        self._separable = SeparableModel.of(template)
+        self._names, self._coordinates = template.names, template.coordinates
+        self._base = model.scene.parameters
         self._kept = KeptOpen()
 
     def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:
@@ -138,7 +160,7 @@ class CurveFitter:
                     require_elastic(self._model.scene, curve, self._model.file.curve.get("overrule", ()))
                     curve = within_range(self._model.file, self._model.scene.with_values(place.values), curve)
                 self._fit(place, curve, row)
-                _add_notes(row, notes)
+                self._add_notes(row, notes)
         except UnderlayError as error:
             row.update(_failure(str(error)))
         except MemoryError:
@@ -146,7 +168,7 @@ class CurveFitter:
         except Exception as error:  # noqa: BLE001  one curve that meets a mistake of ours must not cost the night
             row.update(_failure(f"unexpected {type(error).__name__}: {error}"))
         else:
-            _add_notes(row, [str(entry.message) for entry in caught])
+            self._add_notes(row, [str(entry.message) for entry in caught])
         if "sha256" not in row and place.path:
             row["sha256"] = file_hash(place.path)
         row["seconds"] = time.perf_counter() - began
@@ -182,16 +204,71 @@ class CurveFitter:
         return curve
 
     def _fit(self, place: CurvePlace, curve: Curve, row: dict[str, Any]) -> None:
+        notes: tuple[str, ...] = ()
+        if self._model.quality:
+            quality = check_quality(curve, self._model.scene.with_values(place.values))
+            quality.require()
+            notes = quality.reasons
+        outcome = self._fast(place, curve) or self._thorough(place, curve)
+        row.update(outcome.values)
+        if "layer.E" in outcome.values and STATED in curve.metadata:
+            stated = instrument_modulus(self._fitted(place, outcome), curve)
+            if stated is not None:
+                row.update({INSTRUMENT: stated.youngs, DIFFERENCE: 100.0 * stated.difference})
+        if self._model.scene.adhesion is not None:
+            row.update(adhesive_numbers(self._fitted(place, outcome), self._model.solver))
+        row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
+        row.update(
+            status=FITTED,
+            verdict=GOOD,
+            reason="",
+            cause="",
+            law=outcome.law,
+            reduced_chi_square=outcome.reduced_chi_square,
+            rms=float(np.sqrt(outcome.sum_of_squares / len(curve))),
+            warnings=0,
+        )
+        row.update(outcome.more)
+        self._add_notes(row, [*notes, *outcome.notes])
+
+    def _fitted(self, place: CurvePlace, outcome: _Found) -> Scene:
+        """The scene with the fitted values."""
+        found = {path: value for path, value in outcome.values.items() if path in self._base}
+        return self._model.scene.with_values({**place.values, **found})
+
+    def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
+        if self._separable is None or self._model.sampling is not None or self._model.answers:
+            return None
+        values = {**self._base, **place.values}
+        contact_is_free = any(c.path == "instrument.contact_depth" for c in self._separable.coordinates)
+        check_fittable(curve, None if contact_is_free else values["instrument.contact_depth"])
+        found = self._separable.fit(curve, values)
+        if found is None:
+            return None
+        paths = [coordinate.path for coordinate in self._separable.coordinates]
+        fitted = dict(zip(paths, found.values.tolist(), strict=True))
+        known = values | fitted
+        pressed = float(curve.depth.max()) - known["instrument.contact_depth"]
+        if pressed > known.get("layer.thickness", np.inf):
+            return None  # deeper than the layer's thickness: the general fit reports what that means
+        noise, n, k = found.noise, len(curve), len(paths)
+        notes = separable_warnings(found, lambda: self._problem(place, curve))
+        _require_contact(no_contact(curve.depth, curve.force, found.sum_of_squares, paths), notes)
+        return _Found(
+            fitted,
+            dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
+            found.law_method,
+            found.sum_of_squares / noise**2 / (n - k),
+            found.sum_of_squares,
+            notes,
+            {},
+        )
+
+    def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
         # A worker is a fresh Python: it loads what most maps never use (pandas, emcee) at its first use.
         from underlay.inference.least_squares.fitting import fit, quick_fit  # noqa: PLC0415
 
-        scene = self._model.scene.with_values(place.values)
-        notes: list[str] = []
-        if self._model.quality:
-            quality = check_quality(curve, scene)
-            quality.require()
-            notes += quality.reasons
-        problem = self._model.problem(scene, curve)
+        problem = self._problem(place, curve)
         require_travel(problem)
         try:
             # An answer is that of a single fit, to the last digit.
@@ -201,62 +278,62 @@ class CurveFitter:
             raise
         if in_doubt(found):
             require_sizes(problem)
-        # A reading left out near a jump is no reason to doubt the fit.
-        doubts = [str(warning) for warning in found.warnings if warning.code not in ("jump", NO_CONTACT)]
-        without = "; ".join(warning.message for warning in found.warnings if warning.code == NO_CONTACT)
-        if without:
-            raise CurveError("; ".join([f"{without} (are the units right?)", *doubts]))
         residuals: FloatArray = found.residuals[0]
-        row.update(
-            status=FITTED,
-            verdict=GOOD,
-            reason="",
-            cause="",
-            law=found.statistics.law_method,
-            reduced_chi_square=found.statistics.reduced_chi_square,
-            rms=float(np.sqrt(float(residuals @ residuals) / len(curve))),
-            warnings=0,
+        # A reading left out near a jump is no reason to doubt the fit.
+        notes = tuple(str(warning) for warning in found.warnings if warning.code not in ("jump", NO_CONTACT))
+        without = [warning.message for warning in found.warnings if warning.code == NO_CONTACT]
+        _require_contact("; ".join(without), notes)
+        outcome = _Found(
+            found.values,
+            found.stderr,
+            found.statistics.law_method,
+            found.statistics.reduced_chi_square,
+            float(residuals @ residuals),
+            notes,
+            {},
         )
         if self._model.sampling is not None:
-            row.update(self._sampled(problem, place.name, self._model.sampling))
-        elif self._model.answers:
-            row.update(self._answered(found))
-        else:
-            row.update(found.values)
-            row.update({f"{path}.stderr": error for path, error in found.stderr.items()})
-            notes += doubts
-        fitted = scene.with_values({path: row[path] for path in problem.names if path in scene.parameters})
-        if "layer.E" in problem.names and STATED in curve.metadata:
-            stated = instrument_modulus(fitted, curve)
-            if stated is not None:
-                row.update({INSTRUMENT: stated.youngs, DIFFERENCE: 100.0 * stated.difference})
-        if fitted.adhesion is not None:
-            row.update(adhesive_numbers(fitted, self._model.solver))
-        _add_notes(row, notes)
+            return self._sampled(problem, place, self._model.sampling, outcome)
+        if not self._model.answers:
+            return outcome
+        return self._answered(outcome, found, found.verdict)
 
-    def _answered(self, found: Fit | Posterior) -> dict[str, Any]:
-        """Cells of the answers and the verdict of a fit or a posterior."""
-        answers = {name: found.answer(name) for name in found.names}
-        verdict = found.verdict
-        cells: dict[str, Any] = {name: known.value for name, known in answers.items()}
-        cells |= answer_cells(answers)
-        cells |= {"verdict": verdict.word, "reason": "; ".join(verdict.reasons), "cause": verdict.cause}
+    def _answered(self, outcome: _Found, found: Fit | Posterior, verdict: Advice) -> _Found:
+        """The outcome with answers and verdict of a fit or a posterior in place of least-squares numbers."""
+        answers = {name: found.answer(name) for name in self._names}
+        more: dict[str, Any] = answer_cells(answers)
+        more |= {"verdict": verdict.word, "reason": "; ".join(verdict.reasons), "cause": verdict.cause}
         if _MODULUS_LIKELIHOOD in self._layout.kinds and _is_lopsided(answers[_MODULUS]):
             # Most maps do not need this.
             from underlay.inference.population.likelihood import CurveLikelihood  # noqa: PLC0415
 
-            cells[_MODULUS_LIKELIHOOD] = CurveLikelihood.of_answers(found.answer, _MODULUS).as_text()
-        return cells
+            more[_MODULUS_LIKELIHOOD] = CurveLikelihood.of_answers(found.answer, _MODULUS).as_text()
+        values = {name: known.value for name, known in answers.items()}
+        return replace(outcome, values=values, notes=(), more=more)
 
-    def _sampled(self, problem: Problem, name: str, sampling: Sampling) -> dict[str, Any]:
-        """Cells of the answers of a posterior, which is sampled here; `name` is that of the curve."""
+    def _sampled(self, problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
+        """The outcome with the answers of a posterior, which is sampled here."""
         from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
 
-        seed = _seed(sampling.seed, name)
+        seed = _seed(sampling.seed, place.name)
         posterior = sample(
             problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
         )
-        return {**self._answered(posterior), "converged": bool(posterior.converged), "seed": seed}
+        answered = self._answered(outcome, posterior, posterior.verdict)
+        more = {**answered.more, "converged": bool(posterior.converged), "seed": seed}
+        return replace(answered, more=more)
+
+    def _add_notes(self, row: dict[str, Any], notes: Sequence[str]) -> None:
+        """Add notes to a row. Its answers have the verdict of a single fit; without answers notes are doubts."""
+        fresh = list(dict.fromkeys(" ".join(note.split()) for note in notes))
+        if fresh:
+            if not self._model.answers:
+                row["verdict"] = REJECT if row["verdict"] == REJECT else CHECK
+            row["reason"] = "; ".join([row["reason"], *fresh] if row["reason"] else fresh)
+            row["warnings"] += len(fresh)
+
+    def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
+        return self._model.problem(self._model.scene.with_values(place.values), curve)
 
 
 def _is_lopsided(known: Answer) -> bool:
@@ -274,6 +351,12 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
+def _require_contact(reason: str, notes: Sequence[str]) -> None:
+    """Raise CurveError where there is a reason that a curve has no contact (`no_contact`); notes are added."""
+    if reason:
+        raise CurveError("; ".join([f"{reason} (are the units right?)", *notes]))
+
+
 def _about(place: CurvePlace) -> dict[str, Any]:
     return {
         "name": place.name,
@@ -287,11 +370,3 @@ def _about(place: CurvePlace) -> dict[str, Any]:
 
 def _failure(reason: str) -> dict[str, Any]:
     return {"status": FAILED, "verdict": REFUSED, "reason": " ".join(reason.split()), "warnings": 0}
-
-
-def _add_notes(row: dict[str, Any], notes: Sequence[str]) -> None:
-    fresh = list(dict.fromkeys(" ".join(note.split()) for note in notes))
-    if fresh:
-        row["verdict"] = REJECT if row["verdict"] == REJECT else CHECK
-        row["reason"] = "; ".join([row["reason"], *fresh] if row["reason"] else fresh)
-        row["warnings"] += len(fresh)
