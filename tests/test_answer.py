@@ -415,3 +415,13 @@ def test_a_sample_that_relaxes_is_no_drifting_baseline(approach):
     assert answer.value == fit.values["layer.E"]
     assert answer.low < apparent < answer.high
     assert not answer.notes
+
+
+def test_no_end_passes_the_bounds_of_the_fit():
+    """A thickness that its inputs move by a factor stays within what was allowed."""
+    bounds = (1.3e-3, 1.75e-3)
+    curve = measured(noise=5e-5)
+    free = {E: (1e4, 1e8), H: bounds, C: None}
+    answer = ul.fit(ul.Problem(scene(uncertainties={"layer.nu": 0.2}), curve, free)).answer(H)
+    assert bounds[0] <= answer.low < answer.value < answer.high <= bounds[1]
+    assert answer.low == bounds[0] or answer.high == bounds[1]

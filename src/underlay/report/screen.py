@@ -315,8 +315,9 @@ def _fit_lines(fit: Fit) -> Iterator[str]:
 
 
 def _behind(answers: list[Answer], fit: Fit) -> Iterator[str]:
-    """Yield what makes the first number unsure, unless the model is rejected, and which inputs are assumed."""
+    """Yield how the first number was corrected and what makes it unsure, and which inputs are assumed."""
     if answers and fit.verdict != "reject":
+        yield from (line("Corrected", note) for note in answers[0].notes)
         yield from _budget_lines(answers[0])
     if words := assumed_words(assumed_inputs(fit.curves)):
         yield line("Assumed", words)

@@ -24,7 +24,7 @@ from underlay.inference.uncertainty.reading import OpenReading, Reading, widened
 from underlay.inference.uncertainty.tree import NothingDrawnError
 from underlay.inference.uncertainty.verdict import verdict_of
 from underlay.quantities import declared, kind_of
-from underlay.units import KINDS
+from underlay.units import KINDS, format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -57,7 +57,7 @@ class _Scale:
     physical : callable
         Converts a number on the scale to the quantity (SI).
     possible : (float, float)
-        Physical bounds of the quantity (SI), which no finite end passes.
+        Bounds of the quantity (SI), physical and of the fit, which no finite end passes.
     """
 
     name: str
@@ -213,7 +213,9 @@ class Statement:
             return math.inf if is_beyond else float(coordinate.physical(np.asarray(q)))
 
         if not declared(coordinate.path).from_zero:
-            return _Scale(name, unit, low, high, places, physical, coordinate.quantity.bounds)
+            value = physical(places[0])
+            allowed = min(coordinate.low, value), max(coordinate.high, value)
+            return _Scale(name, unit, low, high, places, physical, allowed)
         # Its errors add in the plain value: in logarithms small errors near zero become factors of 100.
         own, top = physical(places[0]), physical(high)
         slope = float(self.fit.problem.slopes(self.reading.corrected)[index])
@@ -304,7 +306,8 @@ class Statement:
             if any(getattr(seen, kind) > 0.5 for seen in self.reading.likelihood.seen)
         ]
         taken_out = " and ".join(likely) or "a disturbance"
-        return (f"{taken_out} is taken out; with it in, {scale.physical(plain):.6g}",)
+        before = format_quantity(scale.physical(plain), kind_of_quantity(scale.name))
+        return (f"{taken_out} is taken out; with it in, {before}",)
 
 
 def _row(
