@@ -79,8 +79,8 @@ class Comparison:
     @property
     def order(self) -> tuple[str, ...]:
         """Labels of the fits, best first: those of `alike` by their errors, then the others by AIC."""
-        others = sorted(set(self.fits) - set(self.alike), key=lambda label: self.fits[label].statistics.aic)
-        return (*self.alike, *others)
+        others = [label for label in self.fits if label not in self.alike]
+        return (*self.alike, *sorted(others, key=lambda label: round(self.fits[label].statistics.aic, 6)))
 
     @cached_property
     def alike(self) -> tuple[str, ...]:
@@ -93,7 +93,8 @@ class Comparison:
         least = min(by_aic.values(), default=0.0)
         alike = [label for label, aic in by_aic.items() if aic <= least + _ALIKE]
         exact = {label: isinstance(self.fits[label].solver, Exact) for label in alike}
-        return tuple(sorted(alike, key=lambda label: (not exact[label], self.errors[label])))
+        # Laws that are one and the same, such as two orders of a series whose second term is zero, stay as given.
+        return tuple(sorted(alike, key=lambda label: (not exact[label], float(f"{self.errors[label]:.6g}"))))
 
     @cached_property
     def errors(self) -> Mapping[str, float]:
