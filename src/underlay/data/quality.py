@@ -266,7 +266,7 @@ def _doubts(
             f"the contact point is uncertain by {format_quantity(unsure, 'length', digits=2)}, "
             f"{100.0 * unsure / deepest:.0f} % of the indentation"
         )
-    if scene is None or scene.adhesion is None:
+    if scene is None or not scene.adheres:
         yield from _stickiness(curve, contact, beyond, peak)
     yield from _shape_doubts(curve, scene, deepest)
 
@@ -379,7 +379,7 @@ def _expected_exponent(scene: Scene | None, law: ContactLaw | None, beyond: _Bey
     """Return the exponent of the scene's own contact law over the same depths; 1.5 without a scene."""
     if scene is None:
         return 1.5
-    if scene.adhesion is not None:
+    if scene.adheres:
         return float("nan")  # no power law: the force begins below zero
     deepest = float(beyond.depth.max())
     depth = np.linspace(_DEEP * deepest, deepest, 24)

@@ -401,6 +401,6 @@ def laws_at_contact(
 
 def _line(fit: Fit, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Depths and forces of a fit's model: at even depths, or at the readings for a law with history."""
-    if fit.scene.memory is None and fit.scene.adhesion is None:
+    if fit.scene.is_elastic:
         return depth, fit.scene.force(depth, solver=fit.solver)
     return fit.curves[0].depth, fit.curves[0].force - fit.residuals[0]

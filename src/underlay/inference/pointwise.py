@@ -182,7 +182,7 @@ class BinnedCurve:
     def of(cls, fit: Fit, curve: int, points: int) -> BinnedCurve:
         """Group the readings of a curve into at most `points` bins, and compile the scenes for their depths."""
         member, scene = fit.problem.members[curve], fit.scenes[curve]
-        if scene.adhesion is not None:
+        if scene.adheres:
             raise InputError(
                 "the modulus depth by depth is not defined for a tip that sticks: work of adhesion and modulus "
                 "would be two unknowns of one force; read the fit's own modulus"

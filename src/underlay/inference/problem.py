@@ -212,7 +212,7 @@ class Problem:
     @property
     def adheres(self) -> bool:
         """Whether the scene of any curve has adhesion."""
-        return any(member.scene.adhesion is not None for member in self.members)
+        return any(member.scene.adheres for member in self.members)
 
     @property
     def start(self) -> FloatArray:

@@ -236,7 +236,7 @@ def _steps(fit: Fit, recipe: Recipe, radius: float) -> Iterator[Step]:
     except (CurveError, InputError):
         # A step that fails ends the list; the steps before it are kept.
         return
-    if fit.scene.substrate is not None or fit.scene.memory is not None or fit.scene.adhesion is not None:
+    if fit.scene.substrate is not None or not fit.scene.is_elastic:
         yield Step("the layer, what it stands on, and all else of the scene", ours)
 
 
@@ -354,7 +354,7 @@ def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
     of `Fit.band`, which is infinite where a parameter that they depend on is not determined.
     """
     scene, member = result.scenes[curve], result.problem.members[curve]
-    if scene.adhesion is None:
+    if not scene.adheres:
         return []
     paths = [
         path for path in member.entries if path in scene.parameters and not path.startswith("instrument.")

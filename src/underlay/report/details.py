@@ -198,7 +198,7 @@ def pictures_of(fit: Fit, curve: int = 0) -> dict[str, Picture]:
         "time": partial(plots.fit_in_time, fit, curve=curve) if scene.memory is not None else None,
         "drainage": partial(plots.drainage, fit, curve=curve) if scene.layer.material.drains else None,
         "relaxation": partial(plots.relaxation, fit, curve=curve) if scene.layer.relaxation else None,
-        "adhesion": partial(plots.adhesion, fit, curve=curve) if scene.adhesion is not None else None,
+        "adhesion": partial(plots.adhesion, fit, curve=curve) if scene.adheres else None,
         "segments": None if whole is None else partial(plots.segments, whole),
     }
     return {name: picture(name, draw, f"{name} {curve}") for name, draw in draws.items() if draw is not None}
@@ -425,7 +425,7 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     by_depth = pointwise_of(result)[0]
     if isinstance(by_depth, PointwiseModulus):
         files["depth.csv"] = by_depth.table
-    if result.scenes[0].adhesion is not None:
+    if result.scenes[0].adheres:
         files["adhesion.csv"] = scene_tables.adhesion_frame(result)
     files |= {f"{name}.png": picture.draw for name, picture in pictures_of(result).items()}
     return [

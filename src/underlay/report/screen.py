@@ -296,7 +296,7 @@ def _fit_lines(fit: Fit) -> Iterator[str]:
         many = "s" if len(relaxation.times) > 1 else ""
         yield line("Relaxation", f"{shares} with time constant{many} {times}")
     pull = fit.scenes[0].instrument.baseline - lowest
-    if fit.scenes[0].adhesion is not None and pull > 0.0:
+    if fit.scenes[0].adheres and pull > 0.0:
         yield line("Pull-off", f"{format_quantity(pull, 'force')}: the lowest force against the baseline")
     yield from verdict_lines(verdict)
     try:
@@ -372,7 +372,7 @@ def half_space_fit(fit: Fit) -> Fit | None:
     """
     problem = fit.problem
     alone = len(problem.members) == 1 and fit.scene.substrate is not None and fit.scene.memory is None
-    if not alone or "layer.E" not in fit.names or fit.scene.adhesion is not None:
+    if not alone or "layer.E" not in fit.names or fit.scene.adheres:
         return None
     free = {
         path: given for path, given in problem.free.items() if path.startswith(("layer.E", "instrument."))

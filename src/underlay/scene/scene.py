@@ -160,6 +160,16 @@ class Scene:
         return Viscoelastic(relaxation)
 
     @property
+    def adheres(self) -> bool:
+        """Whether the tip adheres: it may pull, and the way out belongs to the contact."""
+        return self.adhesion is not None
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether the force follows from the depth alone: nothing relaxes, drains or adheres."""
+        return self.memory is None and not self.adheres
+
+    @property
     def elastic(self) -> Scene:
         """The scene without relaxation or drainage: unrelaxed, or drained. Itself if it is elastic."""
         if self.memory is None:
@@ -461,7 +471,7 @@ def _check_discrepancy(scene: Scene) -> None:
     if scene.friction != "unknown" or scene.finite_strain is False:
         said = f'friction = "{scene.friction}"' if scene.friction != "unknown" else "finite_strain = false"
         raise InputError(f"a discrepancy of the law beside {said}: leave one of them out")
-    if scene.adhesion is not None or scene.memory is not None:
+    if not scene.is_elastic:
         raise InputError("a discrepancy of the law beside adhesion, a history or a relaxation is not known")
 
 

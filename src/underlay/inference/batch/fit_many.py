@@ -146,7 +146,7 @@ def fit_many(
             place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
             for place in places
         ]
-    derived = () if model.scene.adhesion is None else tuple(f"adhesion.{name}" for name in ADHESIVE)
+    derived = tuple(f"adhesion.{name}" for name in ADHESIVE) if model.scene.adheres else ()
     layout = Layout.of(
         list(model.free),
         (*given, *from_files),

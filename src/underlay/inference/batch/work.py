@@ -215,7 +215,7 @@ class CurveFitter:
             stated = instrument_modulus(self._fitted(place, outcome), curve)
             if stated is not None:
                 row.update({INSTRUMENT: stated.youngs, DIFFERENCE: 100.0 * stated.difference})
-        if self._model.scene.adhesion is not None:
+        if self._model.scene.adheres:
             row.update(adhesive_numbers(self._fitted(place, outcome), self._model.solver))
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
         row.update(

@@ -380,7 +380,7 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
 
 def _has_blocks(problem: Problem) -> bool:
     """Whether neighbouring readings may be averaged: not where the force depends on time, or jumps."""
-    return not any(member.forward.history is not None or member.scene.adhesion for member in problem.members)
+    return all(member.scene.is_elastic for member in problem.members)
 
 
 def _no_law(problem: Problem) -> FitError:

@@ -212,7 +212,7 @@ def scan(problem: Problem, count: int = 3) -> list[Start]:
     list of Start
         Empty if no grid point has a law.
     """
-    if any(member.scene.adhesion for member in problem.members):
+    if problem.adheres:
         return [Start(vector, 1.0) for vector in adhesive_starts(problem, count)]
     if any(isinstance(member.forward.history, WholeHistory) for member in problem.members):
         return memory_starts(problem, count)

@@ -290,7 +290,7 @@ def _noise_of(given: NoiseModel | None, curve: Curve) -> NoiseModel:
 def _require_contact(scene: Scene, curve: Curve, contact: Coordinate | None) -> None:
     """Refuse bounds of the contact depth beyond the deepest reading; a tip that adheres is in contact before it."""
     first, last = float(curve.depth.min()), float(curve.depth.max())
-    if contact is None or scene.adhesion is not None or contact.low < last:
+    if contact is None or scene.adheres or contact.low < last:
         return
     low, high, first_word, last_word = (
         format_quantity(end, "length") for end in (contact.low, contact.high, first, last)
@@ -316,7 +316,7 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
     for number, (scene, curve) in enumerate(tests):
         _require(scene, Scene, number)
         _require(curve, Curve, number)
-        check_fittable(curve, withdrawn=scene.adhesion is not None)
+        check_fittable(curve, withdrawn=scene.adheres)
         if scene.finite_strain and scene.layer.stiffening is None:
             require_measured(scene.contact, float(curve.depth.max()) - scene.instrument.contact_depth)
         for key, what in _identities(curve) if len(tests) > 1 else ():
@@ -436,8 +436,8 @@ def _member(
     _check_history(scene, curve, mechanical)
     if ContactDepth.path not in mechanical:
         # A tip that sticks is in contact down to the pull-off, which the scene's own numbers place.
-        begins = 0.0 if scene.adhesion is None else quiet_law(scene, solver, 0.0).domain[0]
-        check_fittable(curve, scene.instrument.contact_depth + begins, withdrawn=scene.adhesion is not None)
+        begins = quiet_law(scene, solver, 0.0).domain[0] if scene.adheres else 0.0
+        check_fittable(curve, scene.instrument.contact_depth + begins, withdrawn=scene.adheres)
     noise.check(noisy, len(curve), curve.time)
     forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time, curve.force)
     return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)

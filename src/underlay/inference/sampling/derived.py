@@ -110,7 +110,7 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
 
 def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
     """Pull-off force (N) and depth (m) at all draws, (n,) each; empty where there is no adhesion."""
-    if member.scene.adhesion is None:
+    if not member.scene.adheres:
         return {}
     found = batched_pull_offs(member.forward, member.values_of(flat), len(flat))
     return {} if found is None else {"pull_off_force": found[0], "pull_off_depth": found[1]}

@@ -66,7 +66,7 @@ def difference(problem: Problem, posterior: Posterior) -> str:
 def _of_problems(ours: Problem, theirs: Problem) -> str:
     if len(ours.curves) != len(theirs.curves) or not all(
         # Readings near a jump of the force are left out for an adhesive contact.
-        _within(curve.depth, curve.force, own) and (scene.adhesion is not None or len(curve) == len(own))
+        _within(curve.depth, curve.force, own) and (scene.adheres or len(curve) == len(own))
         for curve, own, scene in zip(theirs.curves, ours.curves, ours.base_scenes, strict=True)
     ):
         return "the curves differ"

@@ -238,7 +238,7 @@ def left_out(scene: Scene, depth: float) -> LeftOut:
 def _friction(scene: Scene) -> LeftOut:
     if scene.friction != "unknown":
         return LeftOut(declared=(f'friction = "{scene.friction}"',))
-    if scene.adhesion is not None or scene.memory is not None:
+    if not scene.is_elastic:
         return LeftOut(unknown=(f"{FRICTION} beside adhesion or relaxation",))
     return LeftOut((KnownError(FRICTION, _stuck_less_free, mean=0.5, deviation=_SHARE),))
 
@@ -258,8 +258,7 @@ def _forces(test: Pressed) -> tuple[FloatArray, FloatArray]:
 
 def _both(scene: Scene, depth: float) -> LeftOut:
     unknown = scene.friction == "unknown" and scene.finite_strain is not False
-    is_elastic = scene.adhesion is None and scene.memory is None
-    if not (unknown and is_elastic) or why_unmeasured(scene.contact, depth):
+    if not (unknown and scene.is_elastic) or why_unmeasured(scene.contact, depth):
         return LeftOut()
     return LeftOut((KnownError(BOTH, _stuck_in_large_strains, mean=0.25, deviation=0.5),))
 
@@ -276,7 +275,7 @@ def _finite_strain(scene: Scene, depth: float) -> LeftOut:
     if scene.layer.stiffening is not None:
         return LeftOut((_of_law(FINITE_STRAIN, "finite strain", "± 0.8 to 1.4 %"),))
     why = why_unmeasured(scene.contact, depth)
-    if scene.adhesion is not None or scene.memory is not None:
+    if not scene.is_elastic:
         why = "measured without adhesion and relaxation"
     if not why:
         return LeftOut((KnownError(FINITE_STRAIN, _excess, mean=1.0, deviation=0.5),))

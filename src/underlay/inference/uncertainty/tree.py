@@ -178,7 +178,7 @@ class CurveModel:
         answers = averaged
         # A time-dependent or adhesive law is evaluated at every reading and the forces are averaged; else the law
         # is evaluated at the averaged depths.
-        if forward.history is None and member.scene.adhesion is None:
+        if member.scene.is_elastic:
             forward, answers = forward.moved(depth, blocks.means(curve.force)), at_blocks
         # The error of rounding is the same for successive readings: it does not average out within a block.
         least, force = (resolution(curve.force) / deviation) ** 2 / 12.0, averaged(curve.force)

@@ -189,10 +189,10 @@ def _of_misfit(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
             ("curve.fit_from", "20 % of force"),
         )
         return
-    if half_space and scene.adhesion is None and change > _CHANGED_HALF_SPACE:
+    if half_space and not scene.adheres and change > _CHANGED_HALF_SPACE:
         change = max(change, _WRONG)
     word = REJECT if change >= _WRONG and (half_space or _left(fit, i) > _DESCRIBED) else CHECK
-    if scene.adhesion is not None:
+    if scene.adheres:
         yield Advice(
             word,
             f"the model of a tip that adheres does not describe the curve{_residuals(fit)}",
@@ -271,7 +271,7 @@ def _cause_in_curve(fit: Fit, i: int) -> _Remedy | tuple[()]:
             "look at the picture, and fit one ramp of it",
             ("curve.segment", "ramp 1"),
         )
-    if scene.adhesion is None and _dips(loading):
+    if not scene.adheres and _dips(loading):
         return (
             "the tip adheres: the force dips below the baseline while it goes in",
             "fit with adhesion (JKR) and its work of adhesion",
@@ -368,7 +368,7 @@ def _of_the_rest(fit: Fit, i: int) -> Iterator[Advice]:
     """Advice where the model of a fitted range does not foretell the readings beyond the range's upper end."""
     curve, scene, problem = fit.curves[i], fit.scenes[i], fit.problem
     rest = curve.metadata.get(BEYOND)
-    if rest is None or scene.memory is not None or scene.adhesion is not None:
+    if rest is None or not scene.is_elastic:
         return
     depth, force = np.asarray(rest, dtype=np.float64)
     member = problem.members[i]
@@ -458,7 +458,7 @@ def _of_inputs(answers: Sequence[Answer]) -> Iterator[Advice]:
 # --- the readings -------------------------------------------------------------------------------------------
 def _of_readings(fit: Fit, i: int, seen: Seen) -> Iterator[Advice]:
     peak = float(abs(fit.curves[i].force).max())
-    if seen.step > _LIKELY and abs(seen.step_force) > _VISIBLE * peak and fit.scenes[i].adhesion is None:
+    if seen.step > _LIKELY and abs(seen.step_force) > _VISIBLE * peak and not fit.scenes[i].adheres:
         yield Advice(
             CHECK,
             f"the force jumps at contact by {format_quantity(seen.step_force, 'force', digits=2)}",

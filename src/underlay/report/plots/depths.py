@@ -179,7 +179,7 @@ def adhesion(
     fitted = hasattr(subject, "scenes")
     scene: Scene = subject.scenes[curve] if fitted else subject  # type: ignore[union-attr,assignment]
     wanted = subject.solver if fitted else solver  # type: ignore[union-attr]
-    if scene.adhesion is None:
+    if not scene.adheres:
         raise InputError("nothing sticks in this scene: there is no pull-off to draw")
     measured = _measured(subject, curve) if fitted else None  # type: ignore[arg-type]
     if max_depth is None:

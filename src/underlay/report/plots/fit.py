@@ -220,7 +220,7 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         If the scene has adhesion (negative forces), or the curve has no point in contact with positive force.
     """
     measured, scene = result.curves[curve], result.scenes[curve]
-    if scene.adhesion is not None:
+    if scene.adheres:
         raise InputError("a tip that sticks pulls: its forces have no logarithm")
     travel, force = _indentation(result, curve)[0], measured.force - _offset(result, curve)
     fitted = force - result.residuals[curve]
