@@ -160,7 +160,7 @@ class CurveFitter:
                     require_elastic(self._model.scene, curve, self._model.file.curve.get("overrule", ()))
                     curve = within_range(self._model.file, self._model.scene.with_values(place.values), curve)
                 self._fit(place, curve, row)
-                self._add_notes(row, notes)
+                _add_notes(row, notes, are_doubts=True)  # the file says otherwise than the scene
         except UnderlayError as error:
             row.update(_failure(str(error)))
         except MemoryError:
@@ -168,7 +168,7 @@ class CurveFitter:
         except Exception as error:  # noqa: BLE001  one curve that meets a mistake of ours must not cost the night
             row.update(_failure(f"unexpected {type(error).__name__}: {error}"))
         else:
-            self._add_notes(row, [str(entry.message) for entry in caught])
+            _add_notes(row, [str(entry.message) for entry in caught], are_doubts=not self._model.answers)
         if "sha256" not in row and place.path:
             row["sha256"] = file_hash(place.path)
         row["seconds"] = time.perf_counter() - began
@@ -229,7 +229,8 @@ class CurveFitter:
             warnings=0,
         )
         row.update(outcome.more)
-        self._add_notes(row, [*notes, *outcome.notes])
+        # Answers have the verdict of a single fit.
+        _add_notes(row, [*notes, *outcome.notes], are_doubts=not self._model.answers)
 
     def _fitted(self, place: CurvePlace, outcome: _Found) -> Scene:
         """The scene with the fitted values."""
@@ -323,15 +324,6 @@ class CurveFitter:
         more = {**answered.more, "converged": bool(posterior.converged), "seed": seed}
         return replace(answered, more=more)
 
-    def _add_notes(self, row: dict[str, Any], notes: Sequence[str]) -> None:
-        """Add notes to a row. Its answers have the verdict of a single fit; without answers notes are doubts."""
-        fresh = list(dict.fromkeys(" ".join(note.split()) for note in notes))
-        if fresh:
-            if not self._model.answers:
-                row["verdict"] = REJECT if row["verdict"] == REJECT else CHECK
-            row["reason"] = "; ".join([row["reason"], *fresh] if row["reason"] else fresh)
-            row["warnings"] += len(fresh)
-
     def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
         return self._model.problem(self._model.scene.with_values(place.values), curve)
 
@@ -370,3 +362,13 @@ def _about(place: CurvePlace) -> dict[str, Any]:
 
 def _failure(reason: str) -> dict[str, Any]:
     return {"status": FAILED, "verdict": REFUSED, "reason": " ".join(reason.split()), "warnings": 0}
+
+
+def _add_notes(row: dict[str, Any], notes: Sequence[str], *, are_doubts: bool) -> None:
+    """Add notes to a row's reasons; doubts make a good verdict a doubtful one."""
+    fresh = list(dict.fromkeys(" ".join(note.split()) for note in notes))
+    if fresh:
+        if are_doubts and row["verdict"] != REJECT:
+            row["verdict"] = CHECK
+        row["reason"] = "; ".join([row["reason"], *fresh] if row["reason"] else fresh)
+        row["warnings"] += len(fresh)
