@@ -6,6 +6,7 @@ import sys
 import pytest
 from hypothesis import HealthCheck, settings
 
+from support.slow_tests import LIST
 from underlay.cli.app import main
 
 # Tests start hundreds of processes: where none may keep what it compiled, each compiles the whole package anew.
@@ -15,6 +16,15 @@ sys.dont_write_bytecode = False
 # A busy machine is no fault of the code: no test of a property depends on the clock.
 settings.register_profile("no clock", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("no clock")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark what the fast layer leaves out: the tests of a list that was measured, and those of studies."""
+    listed = set(LIST.read_text(encoding="utf-8").split())
+    for item in items:
+        if item.nodeid.partition("[")[0] in listed or item.get_closest_marker("study"):
+            item.add_marker("slow")
 
 
 @pytest.fixture

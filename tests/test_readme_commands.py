@@ -98,7 +98,6 @@ def fresh_lines():
     return [*first.splitlines(), *of_table, *others]
 
 
-@pytest.mark.slow
 @pytest.mark.study
 def test_every_line_of_the_readme_runs_in_a_fresh_shell(tmp_path):
     clone = tmp_path / "underlay"

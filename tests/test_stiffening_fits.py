@@ -463,10 +463,7 @@ TRUTHS = {
     [
         "stiffening",
         "gradual contact",
-        *(
-            pytest.param(n, marks=(pytest.mark.slow, pytest.mark.study))
-            for n in ("linear", "substrate below")
-        ),
+        *(pytest.param(n, marks=pytest.mark.study) for n in ("linear", "substrate below")),
     ],
 )
 def test_the_evidence_names_what_the_sample_is_and_what_each_makes_of_its_modulus(truth):
