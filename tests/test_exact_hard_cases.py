@@ -13,7 +13,6 @@ import underlay as ul
 from support import reference_contact
 from support.hard_case_table import HardCaseTable, Row
 from support.laws import exact_law
-from underlay.errors import RangeError
 
 INCOMPRESSIBLE = ul.Isotropic(1.0, 0.5)
 # Shape, layer, substrate, contact radius over thickness, nodes of the reference, relative error allowed. The
@@ -112,9 +111,9 @@ def test_any_unit_of_length_will_do(thickness, table):
 
 def test_a_layer_far_thinner_than_the_contact_says_how_deep_it_works():
     # A micrometre of indentation on a picometre of layer: a/h = 1e7 is no contact problem of a layer.
-    from underlay.errors import RangeError  # noqa: PLC0415 - one test raises it
+    from underlay.errors import ul.RangeError  # noqa: PLC0415 - one test raises it
 
-    with pytest.raises(RangeError, match="thicknesses") as caught:
+    with pytest.raises(ul.RangeError, match="thicknesses") as caught:
         exact_law(ul.Paraboloid(1e-3), ul.Layer(INCOMPRESSIBLE, 1e-12), ul.RIGID, max_depth=1e-6)
     deepest = 0.99 * caught.value.max_depth
     law = exact_law(ul.Paraboloid(1e-3), ul.Layer(INCOMPRESSIBLE, 1e-12), ul.RIGID, max_depth=deepest)
@@ -159,9 +158,9 @@ def test_a_base_of_nearly_nothing_follows_its_own_scaling(ratio):
 @pytest.mark.parametrize("ratio", [1e-21, 1e-40])
 def test_a_base_of_nothing_is_refused_by_name(ratio):
     tip, layer = ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.45), 1.0)
-    with pytest.raises(RangeError, match="the exact law ends at 1e-20: check the units"):
+    with pytest.raises(ul.RangeError, match="the exact law ends at 1e-20: check the units"):
         exact_law(tip, layer, ul.Isotropic(ratio, 0.45), max_depth=0.36)
-    with pytest.raises(RangeError, match="the exact law ends at 1e-20"):
+    with pytest.raises(ul.RangeError, match="the exact law ends at 1e-20"):
         exact_law(ul.FlatPunch(0.5), layer, ul.Isotropic(ratio, 0.45), max_depth=0.36)
 
 
