@@ -111,8 +111,6 @@ def test_any_unit_of_length_will_do(thickness, table):
 
 def test_a_layer_far_thinner_than_the_contact_says_how_deep_it_works():
     # A micrometre of indentation on a picometre of layer: a/h = 1e7 is no contact problem of a layer.
-    from underlay.errors import ul.RangeError  # noqa: PLC0415 - one test raises it
-
     with pytest.raises(ul.RangeError, match="thicknesses") as caught:
         exact_law(ul.Paraboloid(1e-3), ul.Layer(INCOMPRESSIBLE, 1e-12), ul.RIGID, max_depth=1e-6)
     deepest = 0.99 * caught.value.max_depth
