@@ -28,16 +28,16 @@ def test_exact_law_held_at_so_many_depths(benchmark, count):
 @pytest.fixture
 def quick(monkeypatch):
     """Two of the cases, each timed once, and three numbers of depths; `test_case` prepares them all."""
-    few = [next(case for case in cost_models.CASES if case.is_fit is is_fit) for is_fit in (False, True)]
-    monkeypatch.setattr(cost_models, "CASES", tuple(few))
-    monkeypatch.setattr(cost_models, "model_table", partial(cost_models.model_table, rounds=1))
-    monkeypatch.setattr(cost_models, "fit_table", partial(cost_models.fit_table, rounds=1))
+    few = tuple(next(case for case in cost_models.CASES if case.is_fit is fits) for fits in (False, True))
+    monkeypatch.setattr(cost_models, "CASES", few)
+    monkeypatch.setattr(cost_models, "model_table", partial(cost_models.model_table, few, rounds=1))
+    monkeypatch.setattr(cost_models, "fit_table", partial(cost_models.fit_table, few, rounds=1))
     monkeypatch.setattr(
         cost_models, "depth_table", partial(cost_models.depth_table, (10, 100, 1000), rounds=1)
     )
     # Start-up and maps take seconds each: two rows stand for them all.
-    few = tuple(case for case in cost_users.CASES if "1000 points" in case.what and "CSV" in case.what)
-    monkeypatch.setattr(cost_users, "user_table", partial(cost_users.user_table, few, rounds=1))
+    users = tuple(case for case in cost_users.CASES if "1000 points" in case.what and "CSV" in case.what)
+    monkeypatch.setattr(cost_users, "user_table", partial(cost_users.user_table, users, rounds=1))
 
 
 @pytest.mark.usefixtures("quick")
