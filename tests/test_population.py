@@ -598,6 +598,15 @@ def test_as_many_animals_as_are_asked_for_would_give_the_interval_that_is_promis
     )
 
 
+def test_a_population_is_printed_in_a_few_lines():
+    rng = np.random.default_rng(15)
+    curves, labels = made_study(rng, animals=3, sites=3, between=0.1, within=0.1)
+    found = ul.population(table_of(curves, labels))
+    first, *others = str(found).splitlines()
+    assert first.startswith(f"layer.E: {found.groups[''].mean:.4g} (")
+    assert others == found.sentences()
+
+
 def test_a_rejected_fit_is_no_measurement_of_the_sample():
     """Fits of half-spaces to samples that stiffen fourfold are left out, and said; if all are, that is refused."""
     half = ul.Scene(ul.Sphere(5e-6), ul.Layer(ul.Isotropic(1e4, 0.45)))

@@ -300,3 +300,8 @@ def test_the_page_lists_what_speaks_against_a_curve():
     table = tables.reservations_table(fit)
     assert list(table.index)[:2] == ["reading the file", "the curve"]
     assert any("choose the sphere" in text for text in table["reservation"])
+
+
+def test_the_line_of_written_files_has_their_endings_whatever_the_curve_is_called():
+    paths = ["results/relax.fit.csv", "results/relax.relaxation.png"]
+    assert screen.written_line(paths, "results", "relax").endswith("results/relax (.fit.csv .relaxation.png)")

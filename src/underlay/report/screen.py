@@ -12,6 +12,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -395,7 +396,7 @@ def half_space_words(fit: Fit, own: Fit) -> str:
 
 def written_line(paths: Sequence[object], folder: object, stem: str) -> str:
     """Return one line on where the written files are: folder, common stem of their names, and their endings."""
-    endings = " ".join(sorted({str(path).rpartition(stem)[2] for path in paths}))
+    endings = " ".join(sorted({Path(str(path)).name.removeprefix(stem) for path in paths}))
     return line("Written", f"{folder}/{stem} ({endings})")
 
 

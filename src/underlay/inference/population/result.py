@@ -372,6 +372,13 @@ class Population:
             ]
         )
 
+    def __str__(self) -> str:
+        numbers = [
+            f"{name or self.parameter}: {own.mean:.4g} ({own.low:.4g} to {own.high:.4g}), {own.curves} curves"
+            for name, own in self.groups.items()
+        ]
+        return "\n".join([*numbers, *self.sentences()])
+
     def sentences(self) -> list[str]:
         """Sentences that belong to the numbers: curves left out, few animals, no scatter beyond the errors."""
         said = []
