@@ -101,8 +101,6 @@ def fit(
     _check(method, robust, start)
     lmfit = Minimiser("least_squares" if robust else method, robust)
     found = _fit_once(problem, lmfit, start)
-    if len(problem.members) > 1:
-        found = replace(found, warnings=(*found.warnings, *_contradictions(problem)))
     for _ in range(_MAX_REFINEMENTS if refine else 0):
         worst = law_bias(found)
         if worst <= _LAW_SHARE:
@@ -110,6 +108,8 @@ def fit(
         rtol = max(_TIGHTEST, found.statistics.law_error * _LAW_SHARE / worst * 0.3)
         tighter = found.problem.revised(scenes=found.scenes, solver=Exact(min(rtol, _LOOSEST)))
         found = _fit_once(tighter, lmfit, "given")
+    if len(problem.members) > 1:
+        found = replace(found, warnings=(*found.warnings, *_contradictions(problem)))
     return found
 
 

@@ -41,8 +41,8 @@ _KEPT, _MOST = 4e-3, 30  # least weight, and largest number, of the hypotheses t
 # left of a made curve without noise is the error of the search, smooth in depth.
 _FINEST = 1e-6
 # Least share of the rows that lie before contact, for a drift of the baseline or a step to correct the value: with
-# fewer a sample that relaxes was taken for one that drifts (in 3 of 24 ramps whose own modulus is 0.86 to 0.98 MPa
-# E was 0.36 to 0.77 with an interval that missed them; none with a tenth).
+# fewer a sample that relaxes was taken for one that drifts (of 36 ramps without or with a short approach E of three
+# was 0.36 to 0.77 MPa for 0.86 to 0.99, with an interval that missed it; of none with a tenth).
 _BEFORE = 0.1
 _SINGULAR = 1e-6  # singular value, over the largest, below which a direction is undetermined by the data
 _HOPELESS = 12.0  # nats below the best, with every second size, up to which a noise is tried with all sizes

@@ -379,7 +379,8 @@ def _of_the_rest(fit: Fit, i: int) -> Iterator[Advice]:
     if not found.contact.min() > 0.0:
         return
     off = float(np.mean((force - found.force) / found.contact))
-    if abs(off) > math.expm1(_CHANGED):
+    by_chance = SURE * float(np.std(fit.residuals[i]) / found.contact.mean()) / len(depth) ** 0.5
+    if abs(off) > max(math.expm1(_CHANGED), by_chance):
         yield Advice(
             CHECK,
             f"beyond the fitted range the force is {100.0 * abs(off):.0f} % "
