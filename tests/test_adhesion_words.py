@@ -8,7 +8,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 import underlay as ul
-from underlay.inference.reported import adhesive_estimates
+from underlay.inference.adhesive_numbers import adhesive_estimates
 from underlay.mechanics.adhesion.jkr import range_limit
 from underlay.report import maps, scene_tables
 from underlay.report.limits import quality_doubts

@@ -8,7 +8,7 @@ from support import instrument_files as made
 from support.maps import SCENE_TOML
 from support.real_data import CHIARO, real_file
 from underlay.data.export import curve_csv
-from underlay.inference.reported import LeastSquaresFromContact, LineInPower, recipe_of
+from underlay.inference.recipe import LeastSquaresFromContact, LineInPower, recipe_of
 from underlay.scene.fit_range import PRESETS, Mark
 
 #: A paraboloid on a half-space, in contact at 10 um, and a layer on it.

@@ -73,10 +73,10 @@ from .inference.priors import Prior as Prior
 from .inference.problem import Problem as Problem
 from .inference.profiling.profile import profile as profile
 from .inference.design.second_test import remedy as remedy, second_test as second_test
-from .inference.reported import steps_to_ours as steps_to_ours
+from .inference.recipe import steps_to_ours as steps_to_ours
 from .inference.sampling.run import posterior_from_chain as posterior_from_chain
 from .inference.sampling.run import marginalised as marginalised
-from .inference.reported import (
+from .inference.reported_moduli import (
     RelaxationModuli as RelaxationModuli,
     relaxation_moduli as relaxation_moduli,
 )

@@ -19,7 +19,7 @@ from underlay._csv import csv_text
 from underlay._files import write_atomic
 from underlay.data.segments import LOADING
 from underlay.errors import UnderlayError
-from underlay.inference.reported import steps_to_ours
+from underlay.inference.recipe import steps_to_ours
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.inference.uncertainty.answer import NORMAL_95, ModulusCurve, PointwiseModulus
 from underlay.report import plots, scene_tables, screen, tables

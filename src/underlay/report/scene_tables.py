@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._version import VERSION
-from underlay.inference.reported import adhesive_estimates
+from underlay.inference.adhesive_numbers import adhesive_estimates
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.mechanics.body import RIGID, Layer
 from underlay.quantities import quantity_of

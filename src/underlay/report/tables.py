@@ -23,7 +23,7 @@ from underlay.data.readers import all_formats, read_all
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.data.signs import flipped
 from underlay.inference.from_files import whole_curve
-from underlay.inference.reported import Step
+from underlay.inference.recipe import Step
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import numbers_of, path_of
 from underlay.report.labels import label, labelled

@@ -1,21 +1,14 @@
-"""Numbers reported beside the parameters: moduli as others compute them, the modulus by depth, adhesive numbers.
+"""Recipes of instruments: their fit repeated, and the steps from their modulus to ours.
 
 An instrument's modulus differs from ours for reasons that can be separated: the points that were fitted, the
 quantity that was minimised, the shape of the tip, and the substrate. `steps_to_ours` repeats its fit; each step
 changes one of them and fits again.
-
-Of a relaxation test laboratories report two moduli, without any fit of the transient (`relaxation_moduli`). The
-instantaneous one, before any water has moved, comes from the rise of the force over each ramp, by the elastic law
-at nu = 0.5; the equilibrium one, after drainage, from the force at the end of each hold, by the law at the drained
-Poisson's ratio. Each is the least-squares slope over all steps, for an isotropic layer of known thickness.
-
-Of an adhesive contact they are pull-off force and depth and the zero-load radius (`adhesive_estimates`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
@@ -33,10 +26,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.pointwise import halfspace_of
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.derived import ADHESIVE, adhesive_numbers
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solver import Solver
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
@@ -46,14 +36,6 @@ _FEWEST = 8
 # Share of the depth on both sides of the software's contact point in which a contact point is searched, and number
 # of places tried first.
 _REACH, _TRIED = 0.5, 81
-# Last share of each hold, whose mean force is taken as the equilibrium force.
-_LATE = 0.05
-# Poisson's ratio before drainage.
-_INCOMPRESSIBLE = 0.5
-# Relative step of central differences of the adhesive numbers, which are smooth in every parameter.
-_STEP = 1e-3
-# Relative change of a number over that of a parameter below which it does not depend on the parameter.
-_ACTS = 0.02
 
 
 class HertzFit(NamedTuple):
@@ -254,164 +236,3 @@ def _fitted(fit: Fit, scene: Scene, curve: Curve, contact: float | None) -> floa
             {_CONTACT: contact, "instrument.baseline": 0.0, "instrument.baseline_slope": 0.0}
         )
     return quick_fit(Problem(scene, curve, free, Noise(), solver="halfspace")).values["layer.E"]
-
-
-@dataclass(frozen=True)
-class RelaxationModuli:
-    """The two moduli that a laboratory reports from a relaxation test.
-
-    Parameters
-    ----------
-    instantaneous, equilibrium : float
-        Young's moduli (Pa): the initial one, of an incompressible layer, and the one after drainage.
-    depth, peak, settled : ndarray (steps,)
-        Depth (m) of each hold since contact, largest force (N) of its step and the force at its end.
-    """
-
-    instantaneous: float
-    equilibrium: float
-    depth: FloatArray
-    peak: FloatArray
-    settled: FloatArray
-
-
-def relaxation_moduli(curve: Curve, scene: Scene) -> RelaxationModuli:
-    """Instantaneous and equilibrium modulus of a record of ramps and holds.
-
-    Parameters
-    ----------
-    curve : Curve
-        One or more steps, with times.
-    scene : Scene
-        The test: tip, thickness, contact depth, baseline, and the drained Poisson's ratio of an isotropic layer.
-
-    Returns
-    -------
-    RelaxationModuli
-
-    Raises
-    ------
-    CurveError
-        If there are no times, or no hold.
-    InputError
-        If the layer is not isotropic.
-    """
-    material = scene.layer.material
-    if not material.isotropic:
-        raise InputError("instantaneous and equilibrium moduli are reported of an isotropic layer")
-    if curve.time is None:
-        raise CurveError("a relaxation test needs the times of its points (s)")
-    # Loaded only where it is used.
-    from underlay.mechanics.biphasic.history import ramps_and_holds  # noqa: PLC0415  see above
-
-    w = curve.depth - scene.instrument.contact_depth
-    force = curve.force - scene.instrument.chain.reading(np.zeros_like(w), curve.depth)
-    line = ramps_and_holds(w, curve.time).in_contact
-    tops = np.flatnonzero(np.diff(line.value) > 0.0) + 1
-    starts = [*line.time[tops - 1], curve.time[-1]]
-    steps = [
-        (float(line.value[top]), *_step(curve.time, force, starts[i : i + 2])) for i, top in enumerate(tops)
-    ]
-    if not steps:
-        raise CurveError("a relaxation test has a ramp and a hold: the depth never rises")
-    depth, peak, settled = np.array(steps).T
-    quick, slow = (_unit_force(scene, nu, depth) for nu in (_INCOMPRESSIBLE, material.nu))
-    rises = peak - np.concatenate(([0.0], settled[:-1]))
-    grown = np.diff(quick, prepend=0.0)
-    return RelaxationModuli(
-        float(rises @ grown / (grown @ grown)), float(settled @ slow / (slow @ slow)), depth, peak, settled
-    )
-
-
-def _step(time: FloatArray, force: FloatArray, ends: list[float]) -> tuple[float, float]:
-    """Largest force (N) of a step, between the starts of its ramp and of the next, and mean force at its end."""
-    mine = np.flatnonzero((time >= ends[0]) & (time <= ends[1]))
-    late = mine[-max(int(_LATE * mine.size), 1) :]
-    return float(force[mine].max()), float(force[late].mean())
-
-
-def _unit_force(scene: Scene, nu: float, depth: FloatArray) -> FloatArray:
-    """Force (N), (steps,), on the elastic layer with Young's modulus 1 Pa and Poisson's ratio `nu`."""
-    elastic = replace(scene.elastic, uncertainties=None)
-    layer = replace(elastic.layer, material=Isotropic(1.0, nu))
-    law = replace(elastic, layer=layer).contact_law(float(depth.max()))
-    return np.asarray(law.force(depth))
-
-
-class AdhesiveNumber(NamedTuple):
-    """A number of an adhesive contact: value (SI) and 95 % interval, infinite where the data set no limit."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-
-
-def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
-    """Pull-off force and depth and zero-load radius of one curve of a fit, with intervals; empty without adhesion.
-
-    A number that depends on one parameter alone has that parameter's interval, converted; others have the interval
-    of `Fit.band`, which is infinite where a parameter that they depend on is not determined.
-    """
-    scene, member = result.scenes[curve], result.problem.members[curve]
-    if not scene.adheres:
-        return []
-    paths = [
-        path for path in member.entries if path in scene.parameters and not path.startswith("instrument.")
-    ]
-    rows = [member.entries[path] for path in paths]
-    numbers = adhesive_numbers(scene, result.solver)
-    at = np.array([*numbers.values()])
-    slopes = _slopes(scene, result.solver, paths)
-    optimum = result.problem.physical(result.vector)[rows]
-    shares = slopes * optimum[:, None] / at
-
-    def of(physical: FloatArray) -> FloatArray:
-        # Absolute values, with the logarithms to first order.
-        return np.asarray(np.abs(at) * np.exp((physical[:, rows] - optimum) @ (slopes / at)))
-
-    band = np.sort(np.sign(at) * np.array(result.band(of)), axis=0)
-    found = []
-    for column, name in enumerate(numbers):
-        acting = np.flatnonzero(~(np.abs(shares[:, column]) < _ACTS))
-        stated = [result.interval(result.problem.names[rows[row]]) for row in acting]
-        low, value, high = (float(end) for end in band[:, column])
-        if len(stated) == 1:
-            path, slope = paths[acting[0]], float(slopes[acting[0], column])
-            ends = (stated[0].low, stated[0].value, stated[0].high)
-            low, value, high = sorted(_followed(scene, result.solver, name, path, end, slope) for end in ends)
-        elif any(known.is_open for known in stated):
-            low, high = -math.inf, math.inf
-        found.append(AdhesiveNumber(name, value, low, high))
-    return found
-
-
-def _followed(scene: Scene, solver: Solver, name: str, path: str, end: float, slope: float) -> float:
-    """An adhesive number with its one parameter at the end of that one's interval; infinite for an infinite end.
-
-    `slope` is the derivative of the number, whose sign gives the side.
-    """
-    if math.isfinite(end):
-        try:
-            return adhesive_numbers(scene.with_values({path: end}), solver)[name]
-        except InputError:
-            end = math.copysign(math.inf, end - scene.parameters[path])
-    return math.copysign(math.inf, end * slope)
-
-
-def _slopes(scene: Scene, solver: Solver, paths: Sequence[str]) -> FloatArray:
-    """d number / d parameter, (parameters, numbers), by differences; one-sided where only one side is possible."""
-    values, slopes = scene.parameters, np.zeros((len(paths), len(ADHESIVE)))
-    middle = np.array([*adhesive_numbers(scene, solver).values()])
-    for row, path in enumerate(paths):
-        step = _STEP * (abs(values[path]) or 1.0)
-        sides = []
-        for sign in (1.0, -1.0):
-            try:
-                moved = scene.with_values({path: values[path] + sign * step})
-                numbers = adhesive_numbers(moved, solver)
-            except InputError:
-                continue
-            sides.append((np.array([*numbers.values()]) - middle) / (sign * step))
-        slopes[row] = np.mean(sides, axis=0) if sides else np.nan
-    return slopes
